@@ -1,0 +1,60 @@
+# One verb per habit. Everything happens in .venv, which is made when it is missing.
+#   make run     install without torch, evaluate the bundled example; it says where the pictures are
+#   make test    install everything and run the tests
+#   make check   format, lint, types, layers
+#   make bench   time armtempo against its peers
+#   make build   sdist, wheel from the sdist, smoke test of the wheel in a clean environment
+#   make clean   remove what these made
+PYTHON ?= python3
+# Installed first, so that the extra `rl` finds it. TORCH= leaves the choice to pip.
+TORCH ?= torch==2.13.0
+# More arguments for pytest: make test ARGS="tests/configs -x"
+ARGS ?=
+
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: run test check bench build clean
+.DELETE_ON_ERROR:
+
+run: .venv/.run-ready
+	$(BIN)/armtempo evaluate lee1991
+
+test: .venv/.test-ready
+	$(BIN)/python -m pytest $(ARGS)
+
+check: .venv/.test-ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/lint-imports
+
+bench: .venv/.test-ready
+	$(BIN)/python -m pytest tests/benchmarks $(ARGS)
+
+build: .venv/.test-ready
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	set -e; clean=$$(mktemp -d); trap 'rm -rf "$$clean"' EXIT; smoke=$$PWD/tests/smoke_wheel.py; \
+	$(PYTHON) -m venv "$$clean/venv"; \
+	"$$clean/venv/bin/python" -m pip --disable-pip-version-check --quiet install dist/*.whl; \
+	cd "$$clean"; "$$clean/venv/bin/python" -I "$$smoke"
+
+clean:
+	rm -rf .venv dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/bin/python:
+	$(PYTHON) -m venv .venv
+
+.venv/.run-ready: pyproject.toml | .venv/bin/python
+	@echo "installing armtempo into .venv (some minutes the first time)"
+	$(PIP) install --editable .
+	touch $@
+
+.venv/.test-ready: pyproject.toml | .venv/bin/python
+	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
+	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
+	$(PIP) install --editable ".[dev,rl]"
+	touch $@ .venv/.run-ready

@@ -1,0 +1,258 @@
+"""Read cell files: YAML to a checked :class:`CellConfig`, every error with file, key, value and remedy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from armtempo.configs._schema import CellConfig
+from armtempo.errors import ConfigError, UnknownNameError
+
+_DATA = Path(__file__).parent
+_SUFFIXES = (".yaml", ".yml")
+_LATER_KINDS = ("blend", "ik")
+# pydantic's words and ours, which are those of YAML
+_WORDING = (
+    (r"Input should be a valid dictionary or instance of \w+", "must be a mapping of keys to values"),
+    (r"Input should be a valid (tuple|list)", "must be a list"),
+    (r"Input should be", "must be"),
+    (r"String should match pattern", "must match"),
+    (r"Tuple should have (at \w+ \d+ items?) .*", r"must have \1"),
+)
+Key = tuple[int | str, ...]
+
+
+def bundled_cells() -> tuple[str, ...]:
+    """Names of the cells that come with armtempo, sorted."""
+    return tuple(sorted(path.stem for path in (_DATA / "cells").glob("*.yaml")))
+
+
+def data_path(name: str) -> Path:
+    """Path of a bundled data file.
+
+    Args:
+        name: Path from the folder of bundled data, such as ``"robots/planar_two_link.urdf"``.
+
+    Raises:
+        UnknownNameError: There is no such file.
+    """
+    path = _DATA / name
+    if not path.is_file():
+        known = (p for p in _DATA.rglob("*") if p.is_file() and p.suffix not in (".py", ".pyc"))
+        raise UnknownNameError("data file", name, (p.relative_to(_DATA).as_posix() for p in known))
+    return path
+
+
+def load_cell_config(name_or_path: str | Path) -> CellConfig:
+    """Read a cell file.
+
+    Args:
+        name_or_path: A bundled cell's name (see :func:`bundled_cells`) or the path of a YAML file.
+
+    Raises:
+        UnknownNameError: Neither a bundled cell nor a file.
+        ConfigError: The file cannot be read, is not YAML, or says something that a cell cannot have.
+    """
+    path = _cell_path(name_or_path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        remedy = "save it as UTF-8"
+        raise ConfigError(f"{path}: not UTF-8 text", remedy=remedy, file=path, key="", value=None) from error
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}",
+            remedy="check the path and its permissions",
+            file=path,
+            key="",
+            value=None,
+        ) from error
+    return parse_cell_config(_parse_yaml(text, path), path.resolve())
+
+
+def parse_cell_config(data: object, source: Path) -> CellConfig:
+    """Check the contents of a cell file.
+
+    Args:
+        data: What the YAML says: a mapping of plain Python values.
+        source: The file it came from; messages name it, and file names in the cell are relative to its folder.
+
+    Raises:
+        ConfigError: ``data`` says something that a cell cannot have.
+    """
+    if not isinstance(data, Mapping):
+        what = "is empty" if data is None else f"is no mapping of keys to values but {_shown(data)}"
+        remedy = "start from a bundled cell such as configs/cells/lee1991.yaml"
+        raise ConfigError(f"{source}: {what}", remedy=remedy, file=source, key="", value=data)
+    if data.get("kind") in _LATER_KINDS:
+        raise ConfigError(
+            f"{source}: kind: {data['kind']!r} is not available in this version",
+            remedy="use kind: coordination",
+            file=source,
+            key="kind",
+            value=data["kind"],
+        )
+    try:
+        return CellConfig.model_validate(data, context={"source": source})
+    except ValidationError as error:
+        raise _config_error(source, error) from None
+
+
+def resolve_file(config: CellConfig, name: str) -> Path:
+    """Find a file that a cell names: next to the cell file first, else among the bundled robots.
+
+    Args:
+        config: The cell.
+        name: An absolute path, a path from the cell file's folder, or a bundled robot's file name.
+
+    Raises:
+        ConfigError: It is in neither place.
+    """
+    beside = config.source.parent / Path(name).expanduser()
+    bundled = _DATA / "robots" / name
+    for path in (beside, bundled):
+        if path.is_file():
+            return path.resolve()
+    robots = sorted(path.name for path in (_DATA / "robots").glob("*.urdf"))
+    raise ConfigError(
+        f"{config.source}: no file {name!r}: looked for {beside}",
+        remedy=f"{_closest(name, robots)}give a path from the cell file, or a bundled robot: {', '.join(robots)}",
+        file=config.source,
+        key="",
+        value=name,
+    )
+
+
+def _cell_path(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path).expanduser()
+    bundled = _DATA / "cells" / f"{name_or_path}.yaml"
+    if isinstance(name_or_path, str) and name_or_path in bundled_cells():
+        return bundled
+    if path.is_file():
+        return path
+    looks_like_a_file = isinstance(name_or_path, Path) or path.suffix in _SUFFIXES or len(path.parts) != 1
+    if looks_like_a_file or path.exists():
+        what = "is a folder" if path.is_dir() else "no such file"
+        remedy = f"give a YAML file, or a bundled cell: {', '.join(bundled_cells())}"
+        raise ConfigError(f"{path}: {what}", remedy=remedy, file=path, key="", value=None)
+    close = _closest(str(name_or_path), bundled_cells())
+    remedy = f"{close}known: {', '.join(bundled_cells())}; or give the path of a YAML file"
+    raise UnknownNameError("cell", str(name_or_path), bundled_cells(), remedy=remedy)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML that refuses duplicate keys and reads ``1e-3`` as a number (YAML 1.1 takes it for a string)."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value != "<<":
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"the key {key.value!r} is given twice", key.start_mark
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def _parse_yaml(text: str, path: Path) -> object:
+    try:
+        return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        what = " ".join(filter(None, (error.problem, error.context)))
+        remedy = "mend the YAML there; keys of one mapping differ and share one indentation of spaces"
+        raise ConfigError(f"{path}: {where}{what}", remedy=remedy, file=path, key="", value=None) from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        what = " ".join(str(error).split())
+        raise ConfigError(f"{path}: not YAML: {what}", remedy="mend the file", file=path, key="", value=None) from error
+
+
+def _config_error(source: Path, error: ValidationError) -> ConfigError:
+    """The complaint that explains most: a misspelt key comes before the key that it leaves missing."""
+    complaints = error.errors(include_url=False)
+    first = min(complaints, key=lambda complaint: complaint["type"] != "extra_forbidden")
+    key, value, what, remedy = _explain(first)
+    return ConfigError(f"{source}: {key}: {what}", remedy=remedy, file=source, key=key, value=value)
+
+
+def _explain(complaint: ErrorDetails) -> tuple[str, Any, str, str]:
+    """Dotted key, value, what is wrong, what to do."""
+    kind, loc, value = complaint["type"], complaint["loc"], complaint["input"]
+    what = complaint["msg"].removeprefix("Value error, ")
+    for theirs, ours in _WORDING:
+        what = re.sub(theirs, ours, what)
+    if match := re.match(r"([a-z_\d]+): ", what):  # a check over several keys says which one to change
+        loc, what = (*loc, match[1]), what[match.end() :]
+        value = value.get(match[1]) if isinstance(value, Mapping) else value
+    if kind == "missing" and isinstance(loc[-1], int):
+        kind, loc, what = "too_short", loc[:-1], "has too few items"
+    meaning = _description(loc)
+    match kind:
+        case "extra_forbidden":
+            known = _known_keys(loc[:-1])
+            return _dotted(loc), value, "unknown key", f"{_closest(str(loc[-1]), known)}known: {', '.join(known)}"
+        case "missing":
+            return _dotted(loc), None, "missing", f"add it: {meaning}" if meaning else "add it"
+        case "value_error":
+            return _dotted(loc), value, what, meaning or "change it"
+        case _:
+            return _dotted(loc), value, f"{what}, got {_shown(value)}", meaning or "change it"
+
+
+def _dotted(loc: Key) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
+
+
+def _shown(value: object) -> str:
+    text = "null" if value is None else " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _closest(name: str, known: tuple[str, ...] | list[str]) -> str:
+    close = get_close_matches(name, known, n=1)
+    return f"did you mean {close[0]!r}? " if close else ""
+
+
+def _known_keys(loc: Key) -> list[str]:
+    model = _model_at(loc)
+    return list(model.model_fields) if model else []
+
+
+def _description(loc: Key) -> str:
+    """What the schema says about the innermost named key of ``loc``."""
+    names = [part for part in loc if isinstance(part, str)]
+    model = _model_at(tuple(names[:-1]))
+    field = model.model_fields.get(names[-1]) if model and names else None
+    text = (field.description if field else None) or ""
+    return " ".join(text.replace("``", "").split()).removesuffix(".")
+
+
+def _model_at(loc: Key) -> type[BaseModel] | None:
+    """The schema of the mapping at ``loc``."""
+    model: type[BaseModel] | None = CellConfig
+    for part in loc:
+        if isinstance(part, str) and model:
+            field = model.model_fields.get(part)
+            model = _model_in(field.annotation) if field else None
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model inside ``Model``, ``Model | None`` or ``tuple[Model, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((model for inner in get_args(annotation) if (model := _model_in(inner))), None)

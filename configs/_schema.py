@@ -1,0 +1,318 @@
+"""What a cell file may say.
+
+One model per mapping of the file, attribute names equal to the keys. Keys carry their unit (``_m``, ``_rad``, ``_s``,
+``_nm`` = N m). Every number must be finite, unknown keys are refused, and a loaded model cannot be changed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+
+def _only_numbers(value: Any) -> Any:
+    """Refuse what pydantic would turn into a number: ``"1.0"`` and ``true`` in a YAML file are slips."""
+    if isinstance(value, bool | str):
+        raise PydanticCustomError("float_type", "must be a number")
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_only_numbers), Field(allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NonNegative = Annotated[Real, Field(ge=0)]
+Point = tuple[Real, Real, Real]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
+ZERO: Point = (0.0, 0.0, 0.0)
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class PoseConfig(_Model):
+    """A position and an orientation in the parent frame."""
+
+    position_m: Point = ZERO
+    """Origin [m]."""
+    rpy_rad: Point = ZERO
+    """Roll, pitch, yaw [rad] about fixed x, y, z, as in URDF: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+
+
+class ToolConfig(_Model):
+    """A rigid body bolted to the tip link. All of it is given in the tip link's frame."""
+
+    mass_kg: NonNegative = 0.0
+    """Mass [kg]."""
+    com_m: Point = ZERO
+    """Centre of mass [m]."""
+    inertia_kgm2: tuple[Real, Real, Real, Real, Real, Real] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    """ixx, iyy, izz, ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    frame: PoseConfig = PoseConfig()
+    """The tool's working point, which follows the path."""
+    hull_m: tuple[Point, ...] | None = None
+    """Corner points [m] of the convex body for collision checks; null: the tool cannot collide."""
+
+    @field_validator("hull_m")
+    @classmethod
+    def _hull_is_a_body(cls, hull: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+        if hull is not None and len(set(hull)) < 4:
+            raise ValueError("a hull needs at least 4 different points")
+        return hull
+
+    @model_validator(mode="after")
+    def _inertia_is_physical(self) -> Self:
+        ixx, iyy, izz = self.inertia_kgm2[:3]
+        if min(ixx, iyy, izz) < 0 or 2 * max(ixx, iyy, izz) > (ixx + iyy + izz) * (1 + 1e-9):
+            raise ValueError("inertia_kgm2: ixx, iyy, izz must be >= 0, and none larger than the sum of the other two")
+        return self
+
+
+class LimitsConfig(_Model):
+    """Limits instead of the URDF's, one value per joint from the base on. A null keeps the URDF's."""
+
+    torque_nm: tuple[Positive | None, ...] | None = None
+    """Largest torque, either way [N m] (prismatic joints: force [N])."""
+    speed_rad_s: tuple[Positive | None, ...] | None = None
+    """Largest speed, either way [rad/s] (prismatic joints: [m/s])."""
+    position_rad: tuple[tuple[Real, Real] | None, ...] | None = None
+    """Lowest and highest position [rad] (prismatic joints: [m])."""
+
+    @field_validator("position_rad")
+    @classmethod
+    def _low_before_high(
+        cls, ranges: tuple[tuple[float, float] | None, ...] | None
+    ) -> tuple[tuple[float, float] | None, ...] | None:
+        for low_high in ranges or ():
+            if low_high is not None and not low_high[0] < low_high[1]:
+                raise ValueError("each range must be [lowest, highest], the lowest first")
+        return ranges
+
+
+class LineConfig(_Model):
+    """A straight line from where the path stands."""
+
+    to_m: Point
+    """End [m], world frame."""
+
+
+class ArcConfig(_Model):
+    """A circular arc from where the path stands; the shorter one, unless ``turn`` says which."""
+
+    to_m: Point
+    """End [m], world frame."""
+    center_m: Point
+    """Centre [m], world frame; as far from the start as from the end."""
+    turn: Literal["ccw", "cw"] | None = None
+    """Sense seen against ``normal``; null: the shorter arc (a half circle needs a sense)."""
+    normal: Point = (0.0, 0.0, 1.0)
+    """Axis that ``turn`` refers to, any length; used only with ``turn``."""
+
+    @field_validator("normal")
+    @classmethod
+    def _normal_has_a_direction(cls, normal: Point) -> Point:
+        if not any(normal):
+            raise ValueError("must not be the zero vector")
+        return normal
+
+
+def _exactly_one(model: BaseModel, what: str) -> str:
+    """Name of the one field of ``model`` that is set, of those that default to None."""
+    choices = [name for name, field in type(model).model_fields.items() if field.default is None]
+    given = [name for name in choices if getattr(model, name) is not None]
+    if len(given) != 1:
+        raise ValueError(f"{what} needs exactly one of {', '.join(choices)}; got {', '.join(given) or 'none'}")
+    return given[0]
+
+
+class SegmentConfig(_Model):
+    """One piece of a path: a line or an arc."""
+
+    line: LineConfig | None = None
+    arc: ArcConfig | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        _exactly_one(self, "a segment")
+        return self
+
+    @property
+    def geometry(self) -> LineConfig | ArcConfig:
+        """The piece itself."""
+        geometry = self.line or self.arc
+        assert geometry is not None  # by _one_kind
+        return geometry
+
+
+class PathConfig(_Model):
+    """Where an arm's working point goes: a start and the pieces after it."""
+
+    start_m: Point
+    """First point [m], world frame."""
+    segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)]
+    """Pieces in order; each begins where the one before ended."""
+
+
+class ArmConfig(_Model):
+    """One arm, where it stands and the path it is given."""
+
+    name: Name
+    """Short name, unique in the cell; tables and errors use it."""
+    urdf: str
+    """URDF file: a path from the cell file, else the name of a bundled robot."""
+    base: PoseConfig = PoseConfig()
+    """Pose of the URDF's root link in the world."""
+    elbow: Literal["negative", "positive"] | None = None
+    """Sign of a two-link arm's elbow angle (its second joint); null where there is no such choice."""
+    tip_link: str | None = None
+    """Link that carries the tool; null: the last link of the chain."""
+    tool: ToolConfig | None = None
+    """Body on the tip link; null: the bare tip link follows the path."""
+    limits: LimitsConfig = LimitsConfig()
+    """Limits instead of the URDF's."""
+    path: PathConfig
+    """The given path."""
+
+
+class BoxConfig(_Model):
+    """A box around its origin."""
+
+    size_m: tuple[Positive, Positive, Positive]
+    """Full lengths along x, y, z [m]."""
+
+
+class SphereConfig(_Model):
+    """A sphere around its origin."""
+
+    radius_m: Positive
+    """Radius [m]."""
+
+
+class CylinderConfig(_Model):
+    """A cylinder along z around its origin."""
+
+    radius_m: Positive
+    """Radius [m]."""
+    length_m: Positive
+    """Length along z [m]."""
+
+
+class CapsuleConfig(_Model):
+    """A capsule along z around its origin."""
+
+    radius_m: Positive
+    """Radius [m]."""
+    length_m: Positive
+    """Length of its cylindrical part along z [m]; the two round ends come on top."""
+
+
+class MeshConfig(_Model):
+    """A mesh file, taken as its convex hull."""
+
+    file: str
+    """Mesh file (.stl, .obj, ...), a path from the cell file; its unit is the metre."""
+
+
+class ObstacleConfig(_Model):
+    """A body that stands still: exactly one shape, and where it stands."""
+
+    name: Name
+    """Short name, unique in the cell."""
+    box: BoxConfig | None = None
+    sphere: SphereConfig | None = None
+    cylinder: CylinderConfig | None = None
+    capsule: CapsuleConfig | None = None
+    mesh: MeshConfig | None = None
+    pose: PoseConfig = PoseConfig()
+    """Pose in the world."""
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        _exactly_one(self, "an obstacle")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which shape: ``box``, ``sphere``, ``cylinder``, ``capsule`` or ``mesh``."""
+        return _exactly_one(self, "an obstacle")
+
+
+_Named = TypeVar("_Named", ArmConfig, ObstacleConfig)
+
+
+class CellConfig(_Model):
+    """Arms that share a space, each on its own given path, and how closely they may pass."""
+
+    kind: Literal["coordination"]
+    """What the cell is for."""
+    name: Name
+    """Name of the cell."""
+    description: str = ""
+    """What the cell shows, for `armtempo cells`."""
+    d_min_m: NonNegative
+    """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m]."""
+    clearance_reserve_m: NonNegative = 0.0005
+    """Planned on top of ``d_min_m``, for what the execution will deviate [m]."""
+    torque_reserve: Annotated[Real, Field(ge=0, lt=1)] = 0.0
+    """Share of each torque limit that plans leave to the controller, 0 to 1."""
+    physics_tick_s: Positive = 0.001
+    """Step of the simulation [s]."""
+    control_period_s: Positive = 0.004
+    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
+    stations: Annotated[int, Field(ge=2, strict=True)] = 1000
+    """Intervals of the phase-plane grid along each path."""
+    chart_tolerance_m: Positive = 0.0004
+    """Side of the smallest cell of a coordination chart [m]."""
+    arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
+    """The arms in priority order: the first is the master."""
+    obstacles: tuple[ObstacleConfig, ...] = ()
+    """Bodies that stand still."""
+    gravity_m_s2: Point = (0.0, 0.0, -9.81)
+    """Acceleration of free fall [m/s^2], world frame."""
+
+    _source: Path = PrivateAttr(default=Path("cell.yaml"))
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Take the file from the validation context; it is no key that a file could set."""
+        if context and "source" in context:
+            self._source = context["source"]
+
+    @property
+    def source(self) -> Path:
+        """The file this came from; file names in the cell are relative to its folder."""
+        return self._source
+
+    @property
+    def ticks_per_period(self) -> int:
+        """Simulation steps between two decisions."""
+        return round(self.control_period_s / self.physics_tick_s)
+
+    @field_validator("arms", "obstacles")
+    @classmethod
+    def _names_differ(cls, bodies: tuple[_Named, ...]) -> tuple[_Named, ...]:
+        names = [body.name for body in bodies]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"each needs a name of its own; used twice: {', '.join(twice)}")
+        return bodies
+
+    @model_validator(mode="after")
+    def _period_is_whole_ticks(self) -> Self:
+        ticks = self.control_period_s / self.physics_tick_s
+        if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-9 * round(ticks):
+            raise ValueError(
+                f"control_period_s: must be a whole multiple of physics_tick_s = {self.physics_tick_s:g}, "
+                f"got {ticks:.6g} ticks; nearest: {max(1, round(ticks)) * self.physics_tick_s:g}"
+            )
+        return self

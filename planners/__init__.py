@@ -1,0 +1,43 @@
+"""Planning along given paths: paths, path dynamics, the phase plane, coordination charts and schedules."""
+
+from __future__ import annotations
+
+from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
+from armtempo.planners._cell import Cell, build_cell, load_cell
+from armtempo.planners._coordination_chart import CoordinationChart
+from armtempo.planners._joint_path import JointPath, PathTable, path_point
+from armtempo.planners._makespan_bound import makespan_bound
+from armtempo.planners._path_dynamics import PathDynamics
+from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time
+from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._two_link_path import TwoLinkPath
+from armtempo.planners._vci import VciPlan, VelocityControl
+
+__all__ = [
+    "METHODS",
+    "Arc",
+    "CartesianPath",
+    "Cell",
+    "CoordinationChart",
+    "JointPath",
+    "Line",
+    "Mode",
+    "MotionCertificate",
+    "PathDynamics",
+    "PathTable",
+    "PhasePlane",
+    "PhaseTrajectory",
+    "Schedule",
+    "ScheduleCertificate",
+    "Segment",
+    "TwoLinkPath",
+    "VciPlan",
+    "VelocityControl",
+    "build_cell",
+    "load_cell",
+    "makespan_bound",
+    "minimum_time",
+    "path_point",
+    "schedule",
+]

@@ -1,0 +1,192 @@
+r"""Cartesian paths by arc length: lines, circular arcs, and chains of them.
+
+A path is given; the planners only decide *when*. Each segment maps the travelled length ``s`` [m] to the position
+``p(s)`` and its derivatives ``dp/ds`` (unit tangent) and ``d2p/ds2`` (curvature vector, [1/m]), both exact.
+Segments of a chain join with one tangent; the curvature may jump there (the joints are ``breakpoints``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.errors import PathError
+
+Array = NDArray[np.float64]
+
+TANGENT_TOLERANCE = 1e-6  # [rad] largest corner that passes for a smooth joint (rounded coordinates in a cell file)
+
+
+class Segment(Protocol):
+    """One smooth piece of a Cartesian path."""
+
+    @property
+    def length(self) -> float:
+        """Arc length [m]."""
+        ...
+
+    def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
+        ...
+
+
+def _point(value: ArrayLike, name: str) -> Array:
+    point = np.array(value, dtype=np.float64)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise PathError(f"{name} must be three finite coordinates in metres, got {value!r}")
+    point.setflags(write=False)
+    return point
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Straight segment from ``start`` to ``end``, both (3,) [m].
+
+    Raises:
+        PathError: The two points coincide.
+    """
+
+    start: Array
+    end: Array
+    length: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", _point(self.start, "start of a line"))
+        object.__setattr__(self, "end", _point(self.end, "end of a line"))
+        object.__setattr__(self, "length", float(np.linalg.norm(self.end - self.start)))
+        if self.length < 1e-9:
+            raise PathError(f"line from {self.start.tolist()} has no length", remedy="move its end or drop it")
+
+    def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
+        s = np.asarray(s, dtype=np.float64)[..., None]
+        tangent = (self.end - self.start) / self.length
+        position = self.start + s * tangent
+        return position, np.broadcast_to(tangent, position.shape).copy(), np.zeros_like(position)
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """Circular arc from ``start`` to ``end`` about ``center``, each (3,) [m]; the shorter one unless ``normal`` is given.
+
+    Args:
+        start: First point.
+        end: Last point, at the same distance from the centre.
+        center: Centre of the circle.
+        normal: Axis (3,) about which the arc turns counter-clockwise; needed for a half circle, and for arcs that are
+            longer than one.
+
+    Raises:
+        PathError: Radii differ, the arc has no length, or its plane is not determined.
+    """
+
+    start: Array
+    end: Array
+    center: Array
+    normal: Array | None = None
+    length: float = field(init=False)
+    radius: float = field(init=False)
+    angle: float = field(init=False)
+    _axes: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end", "center"):
+            object.__setattr__(self, name, _point(getattr(self, name), f"{name} of an arc"))
+        a, b = self.start - self.center, self.end - self.center
+        radius = float(np.linalg.norm(a))
+        if radius < 1e-9 or abs(float(np.linalg.norm(b)) - radius) > 1e-6 * max(radius, 1.0):
+            raise PathError(
+                f"arc centre {self.center.tolist()} is {radius:.6g} m from its start but "
+                f"{float(np.linalg.norm(b)):.6g} m from its end",
+                remedy="give a centre at equal distances from both",
+            )
+        normal = np.cross(a, b) if self.normal is None else _point(self.normal, "normal of an arc")
+        size = float(np.linalg.norm(normal))
+        if size < 1e-9 * (radius**2 if self.normal is None else 1.0):
+            raise PathError(
+                f"the plane of the arc about {self.center.tolist()} is not determined",
+                remedy="half and full circles need a turn: cw or ccw",
+            )
+        normal = normal / size
+        x_axis = a / radius
+        if abs(float(x_axis @ normal)) > 1e-6 or abs(float(b @ normal)) > 1e-6 * radius:
+            raise PathError("the normal of an arc must be perpendicular to both its radii")
+        y_axis = np.cross(normal, x_axis)
+        angle = math.atan2(float(b @ y_axis), float(b @ x_axis)) % (2.0 * math.pi)
+        if angle < 1e-9:
+            raise PathError(f"arc about {self.center.tolist()} has no length", remedy="move its end or drop it")
+        axes = np.stack([x_axis, y_axis])
+        axes.setflags(write=False)
+        object.__setattr__(self, "normal", _point(normal, "normal of an arc"))
+        object.__setattr__(self, "radius", radius)
+        object.__setattr__(self, "angle", angle)
+        object.__setattr__(self, "length", radius * angle)
+        object.__setattr__(self, "_axes", axes)
+
+    def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
+        """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
+        turned = np.asarray(s, dtype=np.float64)[..., None] / self.radius
+        x_axis, y_axis = self._axes
+        outward = np.cos(turned) * x_axis + np.sin(turned) * y_axis
+        tangent = np.cos(turned) * y_axis - np.sin(turned) * x_axis
+        return self.center + self.radius * outward, tangent, -outward / self.radius
+
+
+@dataclass(frozen=True, slots=True)
+class CartesianPath:
+    """A chain of segments that join in position and tangent.
+
+    Args:
+        segments: Lines and arcs, at least one, each starting where the one before ends.
+
+    Raises:
+        PathError: A gap or a corner between two segments; the message names them.
+    """
+
+    segments: tuple[Segment, ...]
+    length: float = field(init=False)
+    breakpoints: Array = field(init=False)
+
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        if not segments:
+            raise PathError("a path needs at least one segment")
+        ends = np.cumsum([0.0, *(segment.length for segment in segments)])
+        ends.setflags(write=False)
+        object.__setattr__(self, "segments", tuple(segments))
+        object.__setattr__(self, "length", float(ends[-1]))
+        object.__setattr__(self, "breakpoints", ends)
+        for k, (before, after) in enumerate(zip(self.segments, self.segments[1:], strict=False)):
+            p0, t0, _ = before.evaluate(before.length)
+            p1, t1, _ = after.evaluate(0.0)
+            gap = float(np.linalg.norm(p1 - p0))
+            if gap > 1e-6:
+                raise PathError(f"segments {k} and {k + 1} are {gap:.6g} m apart", remedy="let each start where the last ends")
+            corner = math.atan2(float(np.linalg.norm(np.cross(t0, t1))), float(t0 @ t1))
+            if corner > TANGENT_TOLERANCE:
+                raise PathError(
+                    f"segments {k} and {k + 1} meet in a corner of {math.degrees(corner):.4g} degrees "
+                    f"at {ends[k + 1]:.6g} m",
+                    remedy="round it with an arc that is tangent to both",
+                    station=float(ends[k + 1]),
+                )
+
+    def evaluate(self, s: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m].
+
+        At a joint the segment behind it counts, or the one before it if ``before``.
+        """
+        s = np.clip(np.asarray(s, dtype=np.float64), 0.0, self.length)
+        index = np.searchsorted(self.breakpoints, s, side="left" if before else "right") - 1
+        index = np.clip(index, 0, len(self.segments) - 1)
+        out = tuple(np.empty((*s.shape, 3)) for _ in range(3))
+        for k, segment in enumerate(self.segments):
+            chosen = index == k
+            if chosen.any():
+                for whole, part in zip(out, segment.evaluate(s[chosen] - self.breakpoints[k]), strict=True):
+                    whole[chosen] = part
+        return out[0], out[1], out[2]

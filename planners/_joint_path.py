@@ -1,0 +1,88 @@
+r"""Joint paths ``q = f(lambda)`` (Lee1991 eq. 2): what the phase plane and the charts need of a path.
+
+``lambda`` runs over ``[0, length]``; for Cartesian paths it is the travelled length [m]. The derivatives
+``f' = dq/dlambda`` and ``f'' = d2q/dlambda2`` are exact, not differences (Lee1991 eqs. 3-4):
+
+    qd = f' mu,    qdd = f'' mu^2 + f' mu_dot,    mu = dlambda/dt
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.robots import njit
+
+Array = NDArray[np.float64]
+
+
+class PathTable(NamedTuple):
+    """A joint path sampled for inner loops: quintic Hermite pieces through exact values and derivatives.
+
+    ``station`` (K+1,) rising, may repeat where ``f''`` jumps; ``q``, ``dq``, ``ddq`` (K+1, n), the values *after* the
+    station; ``ddq_before`` (K+1, n), those before it. With K = 2048 the pieces reproduce smooth paths to 1e-12 rad.
+    """
+
+    station: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    ddq_before: Array
+
+
+class JointPath(ABC):
+    """A path of an arm in joint space.
+
+    Attributes:
+        length: ``lambda_max``.
+        dof: Number of joints n.
+        breakpoints: Rising stations, first 0 and last ``length``, between which the path is smooth.
+    """
+
+    length: float
+    dof: int
+    breakpoints: Array
+
+    @abstractmethod
+    def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """``f``, ``f'`` and ``f''`` at ``lam``, each (..., n); with ``before`` a breakpoint counts to the piece before it."""
+
+    @abstractmethod
+    def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
+        """Upper bounds of ``|f'|`` over the intervals [low, high], (..., n), not from samples: charts certify with them."""
+
+    def table(self, pieces: int = 2048) -> PathTable:
+        """Samples for numba kernels; breakpoints are stations."""
+        station = np.union1d(np.linspace(0.0, self.length, pieces + 1), self.breakpoints)
+        q, dq, ddq = self.evaluate(station)
+        return PathTable(station, q, dq, ddq, self.evaluate(station, before=True)[2])
+
+
+@njit
+def path_point(table: PathTable, lam: float, q: Array) -> None:
+    """Write ``f(lam)`` to ``q`` (n,)."""
+    station = table.station
+    last = station.shape[0] - 2
+    low = min(max(int(lam / station[last + 1] * (last + 1)), 0), last)
+    while low > 0 and lam < station[low]:
+        low -= 1
+    while low < last and lam >= station[low + 1]:
+        low += 1
+    h = station[low + 1] - station[low]
+    w = min(max((lam - station[low]) / h, 0.0), 1.0)
+    w3 = w * w * w
+    to_end = w3 * (10.0 - 15.0 * w + 6.0 * w * w)
+    d_start = w - w3 * (6.0 - 8.0 * w + 3.0 * w * w)
+    d_end = w3 * (-4.0 + 7.0 * w - 3.0 * w * w)
+    c_start = 0.5 * w * w - w3 * (1.5 - 1.5 * w + 0.5 * w * w)
+    c_end = w3 * (0.5 - w + 0.5 * w * w)
+    for j in range(q.shape[0]):
+        q[j] = (
+            table.q[low, j]
+            + to_end * (table.q[low + 1, j] - table.q[low, j])
+            + h * (d_start * table.dq[low, j] + d_end * table.dq[low + 1, j])
+            + h * h * (c_start * table.ddq[low, j] + c_end * table.ddq_before[low + 1, j])
+        )

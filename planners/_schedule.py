@@ -1,0 +1,287 @@
+r"""Schedules: when every arm of a cell is where on its path, by method, with a certified lower bound and a certificate.
+
+``sequential``             one arm after the other, each in minimum time
+``constant-speed``         constant acceleration over a quarter of the path at either end, constant speed between, start delayed
+``constant-acceleration``  constant acceleration over half the path and constant deceleration over the other, start delayed
+``delay``                  minimum time, start delayed ("method 1" of Lee1991 section 2.4)
+``vci``                    velocity control intervals ("method 3", the paper's own)
+``optimal``                the shorter ``delay`` of both orders: the optimum where one arm goes first through every region
+
+**Delay.** With ``tau(lambda)`` the time at which the master releases the slave's place ``lambda`` for good and
+``theta(lambda)`` the time at which the slave's own motion is there, the start must wait for
+``max over lambda of (tau - theta)``; for minimum-time motions that is the optimum of its order (coordination FACT 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.errors import CollisionError, InfeasibleError, UnknownNameError
+from armtempo.planners._cell import Cell
+from armtempo.planners._coordination_chart import CoordinationChart
+from armtempo.planners._phase_plane import PhasePlane
+from armtempo.planners._phase_trajectory import PhaseTrajectory
+from armtempo.planners._vci import VciPlan, VelocityControl
+
+Array = NDArray[np.float64]
+
+RELEASE_MARGIN = 1e-5  # [s] added to a start delay, so that the motion passes beside the corner of a chart cell
+AUDIT_PERIOD = 0.0002  # [s] between FCL distances in a certificate
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScheduleCertificate:
+    """What a schedule asks of arms and space, computed apart from its planner.
+
+    Attributes:
+        torque_ratio_max: Largest |torque| / limit, sampled ten times per interval from the robot model.
+        speed_ratio_max: Largest mu / speed limit.
+        min_clearance: Smallest FCL distance between two arms [m], every 0.2 ms; infinite for one arm.
+        certified_free: Whether the motion stays in cells of the chart that are certified free, between samples too.
+        end_error: Largest distance of an arm's last row from the end of its path [lambda].
+    """
+
+    torque_ratio_max: float
+    speed_ratio_max: float
+    min_clearance: float
+    certified_free: bool
+    end_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """One motion per arm, on a common clock.
+
+    Attributes:
+        method: The planner's name.
+        cell: What was planned for.
+        trajectories: One per arm, in priority order; each ends when its arm arrives.
+        order: Arms in the order in which they pass.
+        vci: What velocity control did, where it was asked.
+    """
+
+    method: str
+    cell: Cell
+    trajectories: tuple[PhaseTrajectory, ...]
+    order: tuple[int, ...]
+    vci: VciPlan | None = None
+
+    @property
+    def makespan(self) -> float:
+        """Time at which the last arm arrives [s]."""
+        return max(trajectory.duration for trajectory in self.trajectories)
+
+    @property
+    def lower_bound(self) -> float:
+        """Certified lower bound on the makespan of any timing of this cell [s]."""
+        return self.cell.lower_bound
+
+    @property
+    def gap_percent(self) -> float:
+        """(makespan - lower bound) / lower bound, in percent."""
+        return 100.0 * (self.makespan / self.lower_bound - 1.0)
+
+    @cached_property
+    def certificate(self) -> ScheduleCertificate:
+        """Worst ratios, smallest clearance and end error, computed apart from the planner."""
+        motions = [trajectory.certificate for trajectory in self.trajectories]
+        return ScheduleCertificate(
+            torque_ratio_max=max(motion.torque_ratio_max for motion in motions),
+            speed_ratio_max=max(motion.speed_ratio_max for motion in motions),
+            min_clearance=self._audit_clearance(),
+            certified_free=self._certify_free(),
+            end_error=max(motion.end_error for motion in motions),
+        )
+
+    def _audit_clearance(self) -> float:
+        if len(self.trajectories) < 2:
+            return float("inf")
+        instants = np.append(np.arange(0.0, self.makespan, AUDIT_PERIOD), self.makespan)
+        joints = [
+            path.evaluate(trajectory.at(np.minimum(instants, trajectory.duration))[0])[0]
+            for path, trajectory in zip(self.cell.paths, self.trajectories, strict=True)
+        ]
+        nearest = np.inf
+        for q in zip(*joints, strict=True):
+            nearest = min(nearest, self.cell.clearance.arms(q, cutoff=nearest).distance)
+        return float(nearest)
+
+    def _certify_free(self) -> bool:
+        """Cover the motion with boxes of the chart that are free, splitting those that are not until they are tiny."""
+        if len(self.trajectories) < 2:
+            return True
+        chart = self.cell.chart
+        first, second = self.trajectories
+
+        def covered(start: float, stop: float, depth: int) -> bool:
+            boxes = []
+            for trajectory, length in ((first, chart.length_a), (second, chart.length_b)):
+                low, high = trajectory.at(np.minimum([start, stop], trajectory.duration))[0]
+                boxes.append((min(float(low), length), min(float(high), length)))
+            if chart.is_free(boxes[0], boxes[1]):
+                return True
+            if depth == 0:
+                return False
+            middle = 0.5 * (start + stop)
+            return covered(start, middle, depth - 1) and covered(middle, stop, depth - 1)
+
+        return covered(0.0, self.makespan, 24)
+
+
+def _start_delay(chart: CoordinationChart, master: PhaseTrajectory, slave: PhaseTrajectory, names: tuple[str, str]) -> float:
+    """The shortest wait [s] before ``slave`` that keeps it behind ``master`` in every collision region.
+
+    Raises:
+        InfeasibleError: The slave's start is not safe to wait in, or the master's end is in the slave's way.
+    """
+    rows = np.flatnonzero(chart.last_column >= 0)
+    if not len(rows):
+        return 0.0
+    if rows[0] == 0:
+        raise InfeasibleError(
+            f"arm {names[1]!r} cannot wait at its start: arm {names[0]!r} passes closer than {chart.d_min:.4g} m",
+            remedy="let it go first (swap the order of the arms), lower d_min_m, or move its start",
+            reason="unsafe start",
+        )
+    last = chart.last_column[rows]
+    if last.max() >= chart.resolution - 1:
+        raise InfeasibleError(
+            f"arm {names[0]!r} ends in the way of arm {names[1]!r}: closer than {chart.d_min:.4g} m for ever",
+            remedy="let the other go first (swap the order of the arms), or move its end",
+            reason="parked in the way",
+        )
+    released = master.time_at((last + 1) * chart.step_a)
+    reached = slave.time_at(rows * chart.step_b)
+    wait = float((released - reached).max())
+    return wait + RELEASE_MARGIN if wait > 0.0 else 0.0
+
+
+def _delayed(cell: Cell, motions: tuple[PhaseTrajectory, ...], order: tuple[int, ...]) -> tuple[PhaseTrajectory, ...]:
+    """The motions of two arms with the start of the second in ``order`` delayed."""
+    first, second = order
+    chart = cell.chart if order == (0, 1) else cell.chart.swapped
+    names = (cell.arms[first].name, cell.arms[second].name)
+    wait = _start_delay(chart, motions[first], motions[second], names)
+    delayed = list(motions)
+    delayed[second] = motions[second].delayed(wait)
+    return tuple(delayed)
+
+
+def _sequential(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    first, second = order
+    _delayed(cell, cell.fastest, order)  # the second must be able to wait for all of the first
+    motions = list(cell.fastest)
+    motions[second] = motions[second].delayed(motions[first].duration)
+    return Schedule(method="sequential", cell=cell, trajectories=tuple(motions), order=order)
+
+
+def _delay(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    return Schedule(method="delay", cell=cell, trajectories=_delayed(cell, cell.fastest, order), order=order)
+
+
+def _optimal(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    options, refusals = [], []
+    for candidate in (order, order[::-1]):
+        try:
+            options.append(_delay(cell, candidate))
+        except InfeasibleError as refusal:
+            refusals.append(str(refusal))
+    if not options:
+        raise InfeasibleError(
+            f"neither arm of cell {cell.name!r} can go first through every collision region: {'; '.join(refusals)}",
+            remedy="move a start, an end or a base",
+        )
+    best = min(options, key=lambda option: option.makespan)
+    return Schedule(method="optimal", cell=cell, trajectories=best.trajectories, order=best.order)
+
+
+def _constant_speed(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    motions = tuple(_trapezoid(plane, 0.25) for plane in cell.planes)
+    return Schedule(method="constant-speed", cell=cell, trajectories=_delayed(cell, motions, order), order=order)
+
+
+def _constant_acceleration(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    motions = tuple(_trapezoid(plane, 0.5) for plane in cell.planes)
+    return Schedule(method="constant-acceleration", cell=cell, trajectories=_delayed(cell, motions, order), order=order)
+
+
+def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
+    """Constant acceleration over a share ``ramp`` of the path at either end, constant speed in between, as fast as the limits allow.
+
+    ``mu^2 = 2 a way`` with ``way`` the distance into the ramp, so every torque is linear in ``a``: the largest one is
+    a minimum over the stations.
+    """
+    rows, length = plane.rows, plane.length
+    station = np.union1d(rows.station, [ramp * length, (1.0 - ramp) * length])
+    way = np.minimum(np.minimum(station, length - station), ramp * length)
+    M, Q, _, S = plane.dynamics.evaluate(station)
+    limits = (plane.dynamics.torque_min, plane.dynamics.torque_max)
+    low, high = (np.stack([np.interp(station, rows.station, column) for column in limit.T], -1) - S for limit in limits)
+    largest = float(np.min(np.interp(station, rows.station, rows.x_cap) / np.maximum(2.0 * way, 1e-12)))
+    pieces = ((1.0, station <= ramp * length), (0.0, way >= ramp * length), (-1.0, station >= (1.0 - ramp) * length))
+    for sign, piece in pieces:
+        slope = sign * M[piece] + 2.0 * Q[piece] * way[piece, None]  # torque per unit of acceleration
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = np.where(slope > 0.0, high[piece] / slope, np.where(slope < 0.0, low[piece] / slope, np.inf))
+        largest = min(largest, float(bound.min()))
+    if largest <= 0.0:
+        raise InfeasibleError("no constant acceleration keeps the torque limits", remedy="use another method")
+    return PhaseTrajectory.from_profile(station, np.sqrt(2.0 * largest * way), plane.dynamics)
+
+
+def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:
+    first, second = order
+    control = VelocityControl(
+        slave=cell.planes[second],
+        master=cell.planes[first],
+        chart=cell.chart if order == (0, 1) else cell.chart.swapped,
+        period=cell.control_period if period is None else period,
+    )
+    plan = control.plan(cell.fastest[first])
+    motions = list(cell.fastest)
+    motions[second] = plan.trajectory
+    return Schedule(method="vci", cell=cell, trajectories=tuple(motions), order=order, vci=plan)
+
+
+_PLANNERS: dict[str, Callable[..., Schedule]] = {
+    "sequential": _sequential,
+    "constant-speed": _constant_speed,
+    "constant-acceleration": _constant_acceleration,
+    "delay": _delay,
+    "vci": _vci,
+    "optimal": _optimal,
+}
+METHODS = tuple(_PLANNERS)
+
+
+
+
+def schedule(cell: Cell, method: str, **options: Any) -> Schedule:
+    """Plan when every arm of a cell moves.
+
+    Args:
+        cell: Arms on their paths, the first with priority.
+        method: One of ``METHODS``.
+        **options: ``period`` [s] for ``vci`` (default: the cell's control period).
+
+    Raises:
+        UnknownNameError: No such method.
+        CollisionError: The arms are too close where they start or where they end.
+        InfeasibleError: The method has no solution here; the message says why, and what to try.
+    """
+    if method not in _PLANNERS:
+        raise UnknownNameError("method", method, METHODS)
+    if len(cell.arms) == 1:
+        return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
+    if len(cell.arms) > 2:
+        raise InfeasibleError(
+            f"cell {cell.name!r} has {len(cell.arms)} arms: two are scheduled in this version", remedy="leave two arms in the cell"
+        )
+    cell.check_ends()
+    return _PLANNERS[method](cell, (0, 1), **options)

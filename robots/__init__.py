@@ -1,0 +1,24 @@
+"""What an arm is: kinematics, dynamics and limits from a URDF; collision shapes and the clearance between them."""
+
+from __future__ import annotations
+
+from armtempo.robots import kernels
+from armtempo.robots._arm import Arm, Tool
+from armtempo.robots._clearance import Clearance, Nearest, shape_distance
+from armtempo.robots._model import ArmModel, Capsules
+from armtempo.robots._numba import njit
+from armtempo.robots._shapes import Shape, static_shape
+
+__all__ = [
+    "Arm",
+    "ArmModel",
+    "Capsules",
+    "Clearance",
+    "Nearest",
+    "Shape",
+    "Tool",
+    "kernels",
+    "njit",
+    "shape_distance",
+    "static_shape",
+]

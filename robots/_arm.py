@@ -1,0 +1,311 @@
+"""An arm: a serial chain read from a URDF, with its dynamics, limits and collision shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armtempo.errors import RobotError
+from armtempo.robots import kernels
+from armtempo.robots._model import ArmModel, Capsules, Floats
+from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
+from armtempo.robots._urdf import ChainJoint, merge_inertia, read_urdf
+
+__all__ = ["Arm", "Tool"]
+
+
+def _frozen(values: ArrayLike) -> Floats:
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Tool:
+    """What an arm carries: its frame replaces the tip, its mass joins the last link, its hull can collide.
+
+    com, inertia and hull are given in the tool's frame.
+    """
+
+    T_link_tool: Floats | None = None
+    """(4, 4) tool frame in the URDF's tip link; None: the same frame."""
+    mass: float = 0.0
+    """[kg]."""
+    com: Floats | None = None
+    """(3,) centre of mass [m]; None: the frame's origin."""
+    inertia: Floats | None = None
+    """(3, 3) about the centre of mass [kg m^2]; None: a point mass."""
+    hull: Floats | None = None
+    """(v, 3) points whose convex hull is the collision body [m]; None: no body."""
+
+    def __post_init__(self) -> None:
+        for name, default, shape in (
+            ("T_link_tool", np.eye(4), (4, 4)),
+            ("com", np.zeros(3), (3,)),
+            ("inertia", np.zeros((3, 3)), (3, 3)),
+        ):
+            given = getattr(self, name)
+            value = _frozen(default if given is None else given)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise RobotError(f"tool {name} is not {shape} numbers", remedy="give finite numbers", element="tool")
+            object.__setattr__(self, name, value)
+        assert self.T_link_tool is not None
+        assert self.inertia is not None
+        check_pose(self.T_link_tool, "tool frame")
+        bad = not 0.0 <= self.mass < math.inf or not np.allclose(self.inertia, self.inertia.T)
+        if bad or float(np.linalg.eigvalsh(self.inertia)[0]) < -1e-12:
+            raise RobotError("tool has a negative mass or inertia", remedy="give physical values", element="tool")
+        if self.hull is not None:
+            object.__setattr__(self, "hull", _frozen(self.hull))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Arm:
+    """A serial arm with a fixed base. Make one with ``Arm.from_urdf``.
+
+    Methods take joint positions q as (..., n) and keep the leading axes; rad or m, SI. They raise RobotError for a
+    wrong last axis or NaN.
+    """
+
+    name: str
+    urdf: Path
+    T_world_base: Floats
+    """(4, 4)."""
+    gravity: Floats
+    """(3,) world [m/s^2]."""
+    joint_names: tuple[str, ...]
+    link_names: tuple[str, ...]
+    """Name of the first URDF link of each moving link."""
+    tip_link: str
+    dof: int
+    position_min: Floats
+    """(n,); -inf for continuous joints."""
+    position_max: Floats
+    speed_max: Floats
+    """(n,) [rad/s or m/s]."""
+    torque_max: Floats
+    """(n,) [N m or N], for both signs."""
+    damping: Floats
+    """(n,) viscous friction [N m s/rad or N s/m]."""
+    shapes: tuple[Shape, ...]
+    model: ArmModel
+    capsules: Capsules
+    T_link_tip: Floats
+    """(4, 4) tip (the tool's frame, if there is one) in the last moving link."""
+
+    @classmethod
+    def from_urdf(
+        cls,
+        urdf: str | Path,
+        *,
+        name: str = "",
+        T_world_base: ArrayLike | None = None,
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
+        tip_link: str | None = None,
+        tool: Tool | None = None,
+        torque_max: Sequence[float | None] | Floats | None = None,
+        speed_max: Sequence[float | None] | Floats | None = None,
+        position_limits: Sequence[Sequence[float] | None] | Floats | None = None,
+    ) -> Arm:
+        """Read the serial chain from the URDF's root to ``tip_link``.
+
+        Args:
+            urdf: File; meshes are found relative to it, by package:// too, and replaced by their convex hulls.
+            name: In messages and body names; the robot's name by default.
+            T_world_base: (4, 4) pose of the root link, the identity by default.
+            gravity: (3,) in the world [m/s^2].
+            tip_link: Needed only where the links branch. Movable joints off the chain are held at zero.
+            tool: Carried by the tip link.
+            torque_max: (n,) in place of the URDF's effort limits [N m or N]; None entries keep the URDF's.
+            speed_max: (n,) in place of the URDF's velocity limits [rad/s or m/s]; likewise.
+            position_limits: (n, 2) lower and upper [rad or m]; likewise.
+
+        Raises:
+            RobotError: names file, element and remedy.
+        """
+        file = Path(urdf)
+        chain = read_urdf(file, tip_link)
+        joints = chain.joints
+        n = len(joints)
+        T_base = np.eye(4) if T_world_base is None else np.asarray(T_world_base, dtype=np.float64)
+        check_pose(T_base, f"base of {name or chain.name!r}")
+        g = np.asarray(gravity, dtype=np.float64)
+        if g.shape != (3,) or not np.isfinite(g).all():
+            raise RobotError("gravity is not three numbers", remedy="give (x, y, z) in m/s^2", element="gravity")
+
+        torque = _limits(file, joints, "effort", "torque_max", torque_max)
+        speed = _limits(file, joints, "velocity", "speed_max", speed_max)
+        position = _position_limits(file, joints, position_limits)
+
+        bodies = [joint.body for joint in joints]
+        shapes = list(chain.shapes)
+        T_tip = chain.T_last_tip
+        if tool is not None:
+            assert tool.T_link_tool is not None
+            assert tool.com is not None
+            assert tool.inertia is not None
+            T_tip = T_tip @ tool.T_link_tool
+            R, p = T_tip[:3, :3], T_tip[:3, 3]
+            last = bodies[-1]
+            carried = (tool.mass, R @ tool.com + p, R @ tool.inertia @ R.T)
+            bodies[-1] = merge_inertia([(last.mass, last.com, last.inertia), carried])
+            if tool.hull is not None:
+                shapes.append(make_shape("convex", (), T_tip, link=n - 1, link_name="tool", vertices=tool.hull))
+
+        damping = _frozen([joint.damping for joint in joints])
+        prismatic = np.array([joint.type == "prismatic" for joint in joints])
+        prismatic.setflags(write=False)
+        model = ArmModel(
+            placement_R=_frozen([joint.T_before_link[:3, :3] for joint in joints]),
+            placement_p=_frozen([joint.T_before_link[:3, 3] for joint in joints]),
+            axis=_frozen([joint.axis for joint in joints]),
+            prismatic=prismatic,
+            mass=_frozen([body.mass for body in bodies]),
+            com=_frozen([body.com for body in bodies]),
+            inertia=_frozen([body.inertia for body in bodies]),
+            damping=damping,
+            gravity=_frozen(g),
+            base_R=_frozen(T_base[:3, :3]),
+            base_p=_frozen(T_base[:3, 3]),
+            tip_R=_frozen(T_tip[:3, :3]),
+            tip_p=_frozen(T_tip[:3, 3]),
+        )
+        return cls(
+            name=name or chain.name,
+            urdf=file,
+            T_world_base=_frozen(T_base),
+            gravity=model.gravity,
+            joint_names=tuple(joint.name for joint in joints),
+            link_names=tuple(joint.link_name for joint in joints),
+            tip_link=chain.tip_link,
+            dof=n,
+            position_min=_frozen(position[:, 0]),
+            position_max=_frozen(position[:, 1]),
+            speed_max=speed,
+            torque_max=torque,
+            damping=damping,
+            shapes=tuple(shapes),
+            model=model,
+            capsules=pack(shapes),
+            T_link_tip=_frozen(T_tip),
+        )
+
+    def _rows(self, values: ArrayLike, what: str) -> tuple[Floats, tuple[int, ...]]:
+        """A contiguous, writable copy (N, n), so that every kernel is compiled once only; and the leading axes."""
+        array = np.array(values, dtype=np.float64, order="C")
+        if array.ndim == 0 or array.shape[-1] != self.dof:
+            raise RobotError(
+                f"arm {self.name!r}: {what} has shape {array.shape}",
+                remedy=f"give (..., {self.dof}): one value per joint",
+                element=what,
+            )
+        if not math.isfinite(float(array.sum())) and not np.isfinite(array).all():
+            raise RobotError(f"arm {self.name!r}: {what} is not finite", remedy="give finite numbers", element=what)
+        return array.reshape(-1, self.dof), array.shape[:-1]
+
+    def _frames(self, q: ArrayLike) -> Floats:
+        rows, lead = self._rows(q, "q")
+        T = np.empty((len(rows), self.dof + 1, 4, 4))
+        kernels.batch_link_frames(self.model, rows, T)
+        return T.reshape(*lead, self.dof + 1, 4, 4)
+
+    def tip_pose(self, q: ArrayLike) -> Floats:
+        """T_world_tip (..., 4, 4)."""
+        return self._frames(q)[..., self.dof, :, :]
+
+    def link_poses(self, q: ArrayLike) -> Floats:
+        """T_world_link (..., n, 4, 4) of the moving links."""
+        return self._frames(q)[..., : self.dof, :, :]
+
+    def jacobian(self, q: ArrayLike) -> Floats:
+        """Geometric Jacobian (..., 6, n) of the tip in world axes: linear rows, then angular."""
+        rows, lead = self._rows(q, "q")
+        J = np.empty((len(rows), 6, self.dof))
+        kernels.batch_jacobian(self.model, rows, J)
+        return J.reshape(*lead, 6, self.dof)
+
+    def mass_matrix(self, q: ArrayLike) -> Floats:
+        """Joint-space inertia J(q) (..., n, n) of Lee1991 eq. 1 [kg m^2, kg m or kg]."""
+        rows, lead = self._rows(q, "q")
+        J = np.empty((len(rows), self.dof, self.dof))
+        kernels.batch_mass_matrix(self.model, rows, J)
+        return J.reshape(*lead, self.dof, self.dof)
+
+    def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, friction: bool = True) -> Floats:
+        """Torques (..., n) of Lee1991 eq. 1: J q'' + C[q', q'] + G, with viscous friction unless ``friction=False``."""
+        given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
+        try:
+            given = [np.broadcast_to(array, np.broadcast_shapes(*(a.shape for a in given))) for array in given]
+        except ValueError as error:
+            shapes = ", ".join(str(a.shape) for a in given)
+            raise RobotError(f"arm {self.name!r}: q, qd, qdd have shapes {shapes}", remedy="make them agree") from error
+        (rows, lead), (speed, _), (acceleration, _) = (
+            self._rows(array, what) for array, what in zip(given, ("q", "qd", "qdd"), strict=True)
+        )
+        tau = np.empty_like(rows)
+        kernels.batch_inverse_dynamics(self.model, rows, speed, acceleration, tau)
+        if friction:
+            tau += self.damping * speed
+        return tau.reshape(*lead, self.dof)
+
+
+def _check_length(given: Sequence[object] | Floats, n: int, key: str) -> None:
+    if len(given) != n:
+        raise RobotError(f"{key} has {len(given)} entries", remedy=f"give {n}, one per joint", element=key)
+
+
+def _limits(
+    file: Path, joints: tuple[ChainJoint, ...], attribute: str, key: str, given: Sequence[float | None] | Floats | None
+) -> Floats:
+    if given is not None:
+        _check_length(given, len(joints), key)
+    values = []
+    for i, joint in enumerate(joints):
+        own = None if given is None else given[i]
+        value = getattr(joint, attribute) if own is None else float(own)
+        element = f"joint {joint.name!r}"
+        if value is None or not value > 0.0:
+            if own is not None:
+                raise RobotError(
+                    f"{key}[{i}] = {own} for {element} is not > 0", remedy="give a limit > 0", element=element
+                )
+            raise RobotError(
+                f"{file}: {element} has no {attribute} limit"
+                if value is None
+                else f"{file}: {element} has {attribute}={value}",
+                remedy=f"add <limit {attribute}=...> > 0 or give {key}",
+                file=str(file),
+                element=element,
+            )
+        values.append(value)
+    return _frozen(values)
+
+
+def _position_limits(
+    file: Path, joints: tuple[ChainJoint, ...], given: Sequence[Sequence[float] | None] | Floats | None
+) -> Floats:
+    if given is not None:
+        _check_length(given, len(joints), "position_limits")
+    rows = []
+    for i, joint in enumerate(joints):
+        own = None if given is None else given[i]
+        element = f"joint {joint.name!r}"
+        if own is not None and len(own) != 2:
+            raise RobotError(
+                f"position_limits[{i}] for {element} is not a pair", remedy="give [lower, upper]", element=element
+            )
+        lower, upper = (joint.lower, joint.upper) if own is None else (float(own[0]), float(own[1]))
+        if lower is None or upper is None or not lower < upper:
+            raise RobotError(
+                f"{file}: {element} has no position limits with lower < upper",
+                remedy="add <limit lower=... upper=...> or give position_limits",
+                file=str(file),
+                element=element,
+            )
+        rows.append((lower, upper))
+    return _frozen(rows)

@@ -1,0 +1,308 @@
+"""Clearance between arms, obstacles and an arm's own links: FCL distances, pruned by enclosing capsules.
+
+FCL is used where it can be trusted (research/coordination.md 1.2-1.4): unsigned distances, primitives and ``Convex``
+hulls, one pair at a time, fresh results. Never BVH models, managers, signed distance or continuous collision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import combinations, product
+from typing import NamedTuple, NoReturn
+
+import fcl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.errors import RobotError
+from armtempo.robots._arm import Arm
+from armtempo.robots._model import Floats
+from armtempo.robots._numba import njit
+from armtempo.robots._shapes import Shape
+from armtempo.robots.kernels import segment_distance
+
+__all__ = ["Clearance", "Nearest", "shape_distance"]
+
+
+class Nearest(NamedTuple):
+    """The nearest pair of bodies found."""
+
+    distance: float
+    """[m]; a lower bound of the true distance, by at most the pair's tolerance where ``exact``. Negative: overlap of
+    capsules or spheres; other overlaps are 0."""
+    body_a: str
+    """Like "master/link_2", or an obstacle's name; empty where there is no pair."""
+    body_b: str
+    exact: bool
+    """True: an FCL distance. False: the bound by enclosing capsules, not smaller than the cutoff."""
+
+
+def _geometry(shape: Shape) -> fcl.CollisionGeometry:
+    if shape.kind == "capsule":
+        return fcl.Capsule(*shape.size)
+    if shape.kind == "sphere":
+        # As a capsule of no length, overlaps have a closed form too; FCL's sphere would answer -1 there.
+        return fcl.Capsule(shape.size[0], 0.0)
+    if shape.kind == "box":
+        return fcl.Box(*shape.size)
+    if shape.kind == "cylinder":
+        return fcl.Cylinder(*shape.size)
+    assert shape.vertices is not None
+    assert shape.faces is not None
+    polygons = np.column_stack([np.full(len(shape.faces), 3), shape.faces])
+    return fcl.Convex(shape.vertices, len(shape.faces), polygons.ravel())
+
+
+_REQUEST = fcl.DistanceRequest()  # unsigned, without nearest points
+
+
+def _fcl_distance(body_a: fcl.CollisionObject, body_b: fcl.CollisionObject, tolerance: float, bound: float) -> float:
+    """FCL's distance, for pairs that need GJK reduced by its error but not below ``bound``."""
+    # A result that already holds -inf is left alone, which saves python-fcl's bookkeeping; the distance is returned.
+    distance = float(fcl.distance(body_a, body_b, _REQUEST, fcl.DistanceResult(-math.inf)))
+    if tolerance < 1e-6:
+        return distance
+    return max(distance - tolerance, bound, 0.0)
+
+
+def shape_distance(shape_a: Shape, T_a: ArrayLike, shape_b: Shape, T_b: ArrayLike) -> float:
+    """FCL distance [m] of two shapes whose links are at T_a and T_b (4, 4) in the world.
+
+    Capsules and spheres: exact, negative for overlaps. Else a lower bound, at most 5e-4 m too small, 0 for overlaps.
+    """
+    bodies = []
+    for shape, T_link in ((shape_a, T_a), (shape_b, T_b)):
+        T = np.asarray(T_link, dtype=np.float64) @ shape.T_link_shape
+        bodies.append(fcl.CollisionObject(_geometry(shape), fcl.Transform(T[:3, :3], T[:3, 3])))
+    return _fcl_distance(bodies[0], bodies[1], max(shape_a.tolerance, shape_b.tolerance), 0.0)
+
+
+@njit
+def _bounds(
+    movers: NDArray[np.int64],
+    first_frame: NDArray[np.int64],
+    joints: Floats,
+    q: Floats,
+    shape_frame: NDArray[np.int64],
+    capsules: Floats,
+    pairs: NDArray[np.int64],
+    frames: Floats,
+    axes: Floats,
+    bounds: Floats,
+) -> int:
+    """Frames (F, 3, 4) of the moving arms, then capsule distances of the pairs (P, 2) into bounds (P,).
+
+    Rows of joints and q go with frames: placement R (9), p (3), axis (3), prismatic; a base has its world pose.
+    Returns the pair with the smallest bound, -1 without pairs, -2 for a q that is not finite.
+    """
+    for m in range(movers.shape[0]):
+        for f in range(first_frame[movers[m]] + 1, first_frame[movers[m] + 1]):
+            if not math.isfinite(q[f]):
+                return -2
+            J = joints[f]
+            x, y, z = J[12], J[13], J[14]
+            s, c, slide = 0.0, 1.0, q[f]
+            if J[15] == 0.0:
+                s, c, slide = math.sin(q[f]), math.cos(q[f]), 0.0
+            v = 1.0 - c
+            for r in range(3):
+                # row r of (frame before) * placement
+                b0, b1, b2 = frames[f - 1, r, 0], frames[f - 1, r, 1], frames[f - 1, r, 2]
+                a0 = b0 * J[0] + b1 * J[3] + b2 * J[6]
+                a1 = b0 * J[1] + b1 * J[4] + b2 * J[7]
+                a2 = b0 * J[2] + b1 * J[5] + b2 * J[8]
+                along = a0 * x + a1 * y + a2 * z
+                frames[f, r, 3] = frames[f - 1, r, 3] + b0 * J[9] + b1 * J[10] + b2 * J[11] + slide * along
+                # row times rotation about the axis: a cos + (a x axis) sin + axis (axis . a) (1 - cos)
+                frames[f, r, 0] = a0 * c + (a1 * z - a2 * y) * s + x * along * v
+                frames[f, r, 1] = a1 * c + (a2 * x - a0 * z) * s + y * along * v
+                frames[f, r, 2] = a2 * c + (a0 * y - a1 * x) * s + z * along * v
+    for k in range(shape_frame.shape[0]):
+        T = frames[shape_frame[k]]
+        C = capsules[k]
+        for r in range(3):
+            axes[k, 0, r] = T[r, 3] + T[r, 0] * C[0] + T[r, 1] * C[1] + T[r, 2] * C[2]
+            axes[k, 1, r] = T[r, 3] + T[r, 0] * C[3] + T[r, 1] * C[4] + T[r, 2] * C[5]
+    best = -1
+    for k in range(pairs.shape[0]):
+        a, b = pairs[k, 0], pairs[k, 1]
+        bounds[k] = segment_distance(axes[a, 0], axes[a, 1], axes[b, 0], axes[b, 1]) - capsules[a, 6] - capsules[b, 6]
+        if best < 0 or bounds[k] < bounds[best]:
+            best = k
+    return best
+
+
+class _Query(NamedTuple):
+    """Which arms move and which pairs of shapes are asked for; ``bounds`` is filled by every call."""
+
+    movers: NDArray[np.int64]
+    pairs: NDArray[np.int64]
+    bounds: Floats
+
+
+class Clearance:
+    """Clearance queries for a fixed set of arms and static obstacles.
+
+    Every query looks at the pairs of shapes by rising distance of their enclosing capsules and asks FCL until no
+    other pair can be nearer. Keeps buffers between calls: use one object per thread.
+
+    Args:
+        arms: Their names become the first part of the body names.
+        obstacles: Bodies made by ``static_shape``.
+    """
+
+    def __init__(self, arms: Sequence[Arm], obstacles: Sequence[Shape] = ()) -> None:
+        # Frame 0 is the world; then for each arm its base and its links.
+        shapes: list[Shape] = list(obstacles)
+        names = [shape.link_name for shape in obstacles]
+        owner = [-1] * len(shapes)
+        frame = [0] * len(shapes)
+        first = []
+        rows: list[Floats] = [np.zeros(16)]
+        for i, arm in enumerate(arms):
+            first.append(len(rows))
+            m = arm.model
+            rows.append(np.zeros(16))
+            rows += [
+                np.concatenate([m.placement_R[j].ravel(), m.placement_p[j], m.axis[j], [float(m.prismatic[j])]])
+                for j in range(arm.dof)
+            ]
+            shapes += arm.shapes
+            names += [f"{arm.name}/{shape.link_name}" for shape in arm.shapes]
+            owner += [i] * len(arm.shapes)
+            frame += [first[i] + 1 + shape.link for shape in arm.shapes]
+        first.append(len(rows))
+        self.names = tuple(names)
+        self._dof = [arm.dof for arm in arms]
+        self._arm_names = [arm.name for arm in arms]
+        self._owner = owner
+        self._link = [shape.link for shape in shapes]
+        self._first = np.array(first, dtype=np.int64)
+        self._joints = np.array(rows)
+        self._q = np.zeros(len(rows))
+        self._q_of = [self._q[first[i] + 1 : first[i + 1]] for i in range(len(arms))]
+        self._frame = np.array(frame, dtype=np.int64)
+        self._poses = np.array([shape.T_link_shape[:3] for shape in shapes]).reshape(-1, 3, 4)
+        self._capsules = np.array([np.concatenate([*shape.capsule[:2], [shape.capsule[2]]]) for shape in shapes])
+        self._capsules = self._capsules.reshape(-1, 7)
+        self._frames = np.tile(np.eye(3, 4), (len(rows), 1, 1))
+        for i, arm in enumerate(arms):
+            self._frames[first[i]] = arm.T_world_base[:3]
+        self._axes = np.zeros((len(shapes), 2, 3))
+        self._tolerance = [shape.tolerance for shape in shapes]
+        self._bodies = [fcl.CollisionObject(_geometry(shape)) for shape in shapes]
+        self._between: dict[tuple[int, int], _Query] = {}
+        for i, j in combinations(range(len(arms)), 2):
+            self._between[i, j] = self._query((i, j), product(self._of(i), self._of(j)))
+            self._between[j, i] = self._query((j, i), product(self._of(j), self._of(i)))
+        couples = combinations(range(len(arms)), 2)
+        self._all = self._query(range(len(arms)), (p for i, j in couples for p in product(self._of(i), self._of(j))))
+        self._to_obstacles = [self._query((i,), product(self._of(i), self._of(-1))) for i in range(len(arms))]
+        self._self = [
+            self._query((i,), (p for p in combinations(self._of(i), 2) if abs(self._link[p[0]] - self._link[p[1]]) > 1))
+            for i in range(len(arms))
+        ]
+
+    def _of(self, owner: int) -> list[int]:
+        return [k for k, other in enumerate(self._owner) if other == owner]
+
+    @staticmethod
+    def _query(movers: Sequence[int], pairs: Iterable[tuple[int, int]]) -> _Query:
+        listed = np.array(list(pairs), dtype=np.int64).reshape(-1, 2)
+        return _Query(np.array(list(movers), dtype=np.int64), listed, np.zeros(len(listed)))
+
+    def between(self, i: int, j: int, q_i: ArrayLike, q_j: ArrayLike, cutoff: float = math.inf) -> Nearest:
+        """Clearance between arms i and j at joint positions q_i (n_i,) and q_j (n_j,).
+
+        Pairs whose capsules are at least ``cutoff`` apart are not looked at more closely: if the answer is larger than
+        ``cutoff`` it may be that bound (``exact`` False). Raises RobotError for a wrong shape or NaN.
+        """
+        query = self._between.get((i, j))
+        if query is None:
+            self._unknown((i, j))
+        self._set(i, q_i)
+        self._set(j, q_j)
+        return self._nearest(query, cutoff)
+
+    def arms(self, qs: Sequence[ArrayLike], cutoff: float = math.inf) -> Nearest:
+        """Smallest clearance over all pairs of arms; qs: one (n,) per arm. Otherwise as ``between``."""
+        if len(qs) != len(self._q_of):
+            raise RobotError(f"{len(qs)} joint positions for {len(self._q_of)} arms", remedy="give one per arm")
+        for i, q in enumerate(qs):
+            self._set(i, q)
+        return self._nearest(self._all, cutoff)
+
+    def obstacles(self, i: int, q: ArrayLike, cutoff: float = math.inf) -> Nearest:
+        """Clearance between arm i (its base included) and the obstacles. Otherwise as ``between``."""
+        self._set(i, q)
+        return self._nearest(self._to_obstacles[i], cutoff)
+
+    def self_collision(self, i: int, q: ArrayLike, cutoff: float = math.inf) -> Nearest:
+        """Clearance between links of arm i that no joint joins directly. Otherwise as ``between``."""
+        self._set(i, q)
+        return self._nearest(self._self[i], cutoff)
+
+    def _unknown(self, arms: tuple[int, ...]) -> NoReturn:
+        raise RobotError(f"no arms {arms}", remedy=f"give two different numbers from 0 to {len(self._q_of) - 1}")
+
+    def _set(self, i: int, q: ArrayLike) -> None:
+        if not 0 <= i < len(self._q_of):
+            self._unknown((i,))
+        array = np.asarray(q, dtype=np.float64)
+        if array.shape != (self._dof[i],):
+            raise RobotError(
+                f"arm {self._arm_names[i]!r}: q has shape {array.shape}",
+                remedy=f"give ({self._dof[i]},): one value per joint",
+                element="q",
+            )
+        self._q_of[i][:] = array
+
+    def _nearest(self, query: _Query, cutoff: float) -> Nearest:
+        movers, pairs, bounds = query
+        first = _bounds(
+            movers,
+            self._first,
+            self._joints,
+            self._q,
+            self._frame,
+            self._capsules,
+            pairs,
+            self._frames,
+            self._axes,
+            bounds,
+        )
+        if first < 0:
+            if first == -2:
+                raise RobotError("joint positions are not finite", remedy="give finite numbers", element="q")
+            return Nearest(math.inf, "", "", True)
+        if bounds[first] >= cutoff:
+            a, b = pairs[first]
+            return Nearest(float(bounds[first]), self.names[a], self.names[b], False)
+        best, pair, exact = math.inf, first, True
+        moved: set[int] = set()
+        for k in np.argsort(bounds, kind="stable").tolist():
+            bound = float(bounds[k])
+            if bound >= best:
+                break
+            if bound >= cutoff:
+                # Nothing is nearer than the cutoff; the next bound is what is known.
+                if best >= cutoff:
+                    best, pair, exact = bound, k, False
+                break
+            a, b = pairs[k].tolist()
+            for shape in (a, b):
+                if shape not in moved:
+                    moved.add(shape)
+                    self._move(shape)
+            tolerance = max(self._tolerance[a], self._tolerance[b])
+            distance = _fcl_distance(self._bodies[a], self._bodies[b], tolerance, bound)
+            if distance < best:
+                best, pair = distance, k
+        a, b = pairs[pair].tolist()
+        return Nearest(best, self.names[a], self.names[b], exact)
+
+    def _move(self, shape: int) -> None:
+        F, S = self._frames[self._frame[shape]], self._poses[shape]
+        R = F[:, :3]
+        self._bodies[shape].setTransform(fcl.Transform(R @ S[:, :3], R @ S[:, 3] + F[:, 3]))

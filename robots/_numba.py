@@ -1,0 +1,22 @@
+"""The one way to compile here: ``numba.njit(cache=True)``, typed for mypy, without fast math: results are certified.
+
+Division by zero gives inf or nan as in numpy (``error_model="numpy"``), it does not raise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+__all__ = ["njit"]
+
+F = TypeVar("F", bound=Callable[..., object])
+
+if TYPE_CHECKING:
+
+    def njit(function: F) -> F: ...
+
+else:
+    import numba
+
+    njit = numba.njit(cache=True, error_model="numpy")

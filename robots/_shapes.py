@@ -1,0 +1,293 @@
+"""Collision shapes: primitives and convex hulls, their enclosing capsules, and the points that bound their motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize
+from scipy.spatial import QhullError
+
+from armtempo.errors import RobotError, UnknownNameError
+from armtempo.robots._model import Capsules, Floats
+
+__all__ = ["ANALYTIC_TOLERANCE", "GJK_TOLERANCE", "SHAPE_KINDS", "Shape", "make_shape", "pack", "static_shape"]
+
+ANALYTIC_TOLERANCE: Final = 1e-9
+"""Error of FCL's closed-form capsule distances [m]."""
+GJK_TOLERANCE: Final = 5e-4
+"""FCL's GJK over-estimates by up to 2e-4 m on rare pairs (measured on robot hulls): subtracted from its results [m]."""
+
+SIZES: Final = {
+    "capsule": ("radius", "length"),
+    "sphere": ("radius",),
+    "box": ("x", "y", "z"),
+    "cylinder": ("radius", "length"),
+}
+SHAPE_KINDS: Final = (*SIZES, "convex")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Shape:
+    """One convex collision body fixed to a link."""
+
+    link: int
+    """Moving link 0..n-1 that carries it, -1 for the base or the world."""
+    link_name: str
+    kind: str
+    """capsule, sphere, box, cylinder or convex."""
+    T_link_shape: Floats
+    """(4, 4) pose in the link's frame; capsules and cylinders lie along z."""
+    size: tuple[float, ...]
+    """capsule, cylinder: radius, length of the axis; sphere: radius; box: x, y, z; convex: empty [m]."""
+    vertices: Floats | None = None
+    """convex: (v, 3) in the shape's frame [m]."""
+    faces: NDArray[np.int64] | None = None
+    """convex: (f, 3) triangles, normals outwards."""
+    points: Floats
+    """(m, 3) in the link's frame. No point of the shape moves farther than the farthest-moving of these."""
+    capsule: tuple[Floats, Floats, float]
+    """Ends of the axis in the link's frame and radius of a capsule that holds the shape [m]."""
+    exact: bool
+    """True where that capsule is the shape."""
+    tolerance: float
+    """What FCL's distances to this shape may be too long by [m]."""
+
+
+def _frozen(values: ArrayLike) -> Floats:
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+def _spindle(radius: float, length: float) -> tuple[float, float]:
+    """Least-volume capsule about a cylinder of the same axis: (radius, half the axis length).
+
+    A wider capsule may be shorter: its round ends reach over the rim.
+    """
+    radii = np.linspace(radius, math.hypot(radius, length / 2), 101)
+    halves = np.maximum(length / 2 - np.sqrt(np.maximum(radii**2 - radius**2, 0.0)), 0.0)
+    best = int(np.argmin(radii**2 * (2 * halves + 4 / 3 * radii)))
+    return float(radii[best]), float(halves[best])
+
+
+def _axis_for(points: Floats, direction: Floats, offset: Floats) -> tuple[float, Floats, Floats, float]:
+    """Least-volume capsule about points for an axis line: (volume, p0, p1, radius)."""
+    direction = direction / np.linalg.norm(direction)
+    relative = points - offset
+    along = relative @ direction
+    across = np.einsum("ij,ij->i", relative, relative) - along**2
+    narrowest = math.sqrt(max(float(across.max()), 0.0))
+    best: tuple[float, Floats, Floats, float] | None = None
+    for factor in (1.0, 1.01, 1.03, 1.06, 1.1, 1.15, 1.22, 1.3):
+        radius = factor * narrowest
+        cap = np.sqrt(np.maximum(radius**2 - across, 0.0))
+        low, high = float((along + cap).min()), float((along - cap).max())
+        if low > high:  # one ball is enough
+            low = high = (low + high) / 2
+        volume = math.pi * radius**2 * (high - low + 4 / 3 * radius)
+        if best is None or volume < best[0]:
+            best = volume, offset + low * direction, offset + high * direction, radius
+    assert best is not None
+    return best
+
+
+def _enclosing_capsule(points: Floats) -> tuple[Floats, Floats, float]:
+    """A capsule of nearly least volume that holds all points (m, 3)."""
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    box_axes = _to_box(points)[:3, :3].T
+    starts = [box_axes[:, k] for k in range(3)] + [np.eye(3)[k] for k in range(3)]
+    direction = min(starts, key=lambda d: _axis_for(points, d, centre)[0])
+    volume = _axis_for(points, direction, centre)[0]
+    scale = float(np.ptp(points, axis=0).max())
+    first, second = np.linalg.svd(direction.reshape(1, 3))[2][1:]
+
+    def candidate(x: Floats) -> tuple[float, Floats, Floats, float]:
+        tilted = direction + x[0] * first + x[1] * second
+        return _axis_for(points, tilted, centre + scale * (x[2] * first + x[3] * second))
+
+    simplex = np.vstack([np.zeros(4), 0.1 * np.eye(4)])
+    options: Any = {"maxfev": 300, "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-4 * volume}
+    solution = minimize(lambda x: candidate(x)[0], np.zeros(4), method="Nelder-Mead", options=options)
+    _, p0, p1, _ = candidate(np.asarray(solution.x))
+    # The radius is measured, not derived, so that the capsule holds every point whatever the search did.
+    axis = p1 - p0
+    squared = float(axis @ axis)
+    t = np.clip((points - p0) @ axis / squared, 0.0, 1.0) if squared > 0 else np.zeros(len(points))
+    radius = float(np.linalg.norm(points - (p0 + t[:, None] * axis), axis=1).max())
+    return p0, p1, radius * (1 + 1e-12) + 1e-12
+
+
+def _to_box(points: Floats) -> Floats:
+    """(4, 4) transform into the axes of a small box about the points."""
+    return np.asarray(trimesh.bounds.oriented_bounds(points)[0], dtype=np.float64)  # type: ignore[no-untyped-call]
+
+
+def _box_corners(low: Floats, high: Floats) -> Floats:
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+class _Hull(NamedTuple):
+    vertices: Floats
+    faces: NDArray[np.int64]
+    corners: Floats
+    capsule: tuple[Floats, Floats, float]
+
+
+@lru_cache(maxsize=256)
+def _hull(data: bytes) -> _Hull:
+    """Hull of the points in ``data``; cached, since arms of one kind share their meshes. Raises ValueError."""
+    points = np.frombuffer(data, dtype=np.float64).reshape(-1, 3)
+    try:
+        mesh = trimesh.convex.convex_hull(points)
+    except (QhullError, ValueError, IndexError) as error:
+        raise ValueError("its points span no volume") from error
+    vertices, faces = _frozen(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+    faces.setflags(write=False)
+    to_box = _to_box(vertices)
+    R, p = to_box[:3, :3], to_box[:3, 3]
+    boxed = vertices @ R.T + p
+    corners = (_box_corners(boxed.min(axis=0) - 1e-9, boxed.max(axis=0) + 1e-9) - p) @ R
+    return _Hull(vertices, faces, corners, _enclosing_capsule(vertices))
+
+
+def make_shape(
+    kind: str,
+    size: Sequence[float],
+    T_link_shape: ArrayLike,
+    *,
+    link: int,
+    link_name: str,
+    vertices: ArrayLike | None = None,
+) -> Shape:
+    """A Shape of ``kind`` with its enclosing capsule. Raises UnknownNameError, RobotError."""
+    if kind not in SHAPE_KINDS:
+        raise UnknownNameError("collision shape", kind, SHAPE_KINDS)
+    T = np.asarray(T_link_shape, dtype=np.float64)
+    size = tuple(float(v) for v in size)
+    names = SIZES.get(kind, ())
+    positive = [0.0 < v < math.inf for v in size]
+    if kind == "capsule" and len(size) == 2:
+        positive[1] = 0.0 <= size[1] < math.inf
+    if len(size) != len(names) or not all(positive):
+        raise RobotError(
+            f"collision shape of {link_name!r}: a {kind} cannot have the size {list(size)}",
+            remedy=f"give {', '.join(names) or 'no size'} in metres, greater than 0",
+            element=link_name,
+        )
+    solid: _Hull | None = None
+    if kind == "convex":
+        try:
+            solid = _hull(np.asarray(() if vertices is None else vertices, dtype=np.float64).tobytes())
+        except ValueError as error:
+            raise RobotError(
+                f"collision hull of {link_name!r}: {error}",
+                remedy="give at least four points that are not in one plane",
+                element=link_name,
+            ) from error
+        points = solid.corners
+        p0, p1, radius = solid.capsule
+    elif kind in ("capsule", "sphere"):
+        radius = size[0]
+        half = size[1] / 2 if kind == "capsule" else 0.0
+        p0, p1 = np.array([0.0, 0.0, -half]), np.array([0.0, 0.0, half])
+        points = np.array([p0, p1]) if half > 0 else p0.reshape(1, 3)
+    else:
+        sides = np.array(size if kind == "box" else (2 * size[0], 2 * size[0], size[1]))
+        points = _box_corners(-sides / 2, sides / 2)
+        longest = int(np.argmax(sides)) if kind == "box" else 2
+        across = size[0] if kind == "cylinder" else math.hypot(*np.delete(sides, longest)) / 2
+        radius, half = _spindle(across, sides[longest])
+        radius = radius * (1 + 1e-12) + 1e-12
+        p1 = half * np.eye(3)[longest]
+        p0 = -p1
+    exact = kind in ("capsule", "sphere")
+    R, p = T[:3, :3], T[:3, 3]
+    return Shape(
+        link=link,
+        link_name=link_name,
+        kind=kind,
+        T_link_shape=_frozen(T),
+        size=size,
+        vertices=None if solid is None else solid.vertices,
+        faces=None if solid is None else solid.faces,
+        points=_frozen(points @ R.T + p),
+        capsule=(_frozen(R @ p0 + p), _frozen(R @ p1 + p), radius),
+        exact=exact,
+        tolerance=ANALYTIC_TOLERANCE if exact else GJK_TOLERANCE,
+    )
+
+
+def static_shape(
+    kind: str,
+    size: Sequence[float] = (),
+    *,
+    T_world: ArrayLike | None = None,
+    name: str = "obstacle",
+    vertices: ArrayLike | None = None,
+    file: str | Path | None = None,
+) -> Shape:
+    """A body fixed in the world.
+
+    Args:
+        kind: capsule, sphere, box, cylinder, convex (hull of ``vertices``) or mesh (hull of ``file``).
+        size: As ``Shape.size`` [m].
+        T_world: (4, 4) pose, the identity by default.
+        name: Name in messages and clearance results.
+        vertices: (v, 3) in the shape's frame, for convex [m].
+        file: Mesh file, for mesh.
+
+    Raises:
+        RobotError: bad size, pose, hull or mesh file. UnknownNameError: unknown kind.
+    """
+    if kind == "mesh":
+        kind, vertices = "convex", load_mesh(Path(file or ""), element=name)
+    T = np.eye(4) if T_world is None else np.asarray(T_world, dtype=np.float64)
+    check_pose(T, f"pose of {name!r}")
+    return make_shape(kind, size, T, link=-1, link_name=name, vertices=vertices)
+
+
+def load_mesh(file: Path, *, element: str) -> Floats:
+    """Vertices (v, 3) of a mesh file. Raises RobotError."""
+    try:
+        mesh = trimesh.load_mesh(str(file), process=False)
+        if not len(mesh.faces):
+            raise ValueError("it has no triangles")
+        return np.array(mesh.vertices, dtype=np.float64)
+    except Exception as error:
+        raise RobotError(
+            f"{element}: cannot read the mesh {str(file)!r}: {error or type(error).__name__}",
+            remedy="check the file name and that it is an STL, OBJ, DAE, PLY or GLB mesh",
+            file=str(file),
+            element=element,
+        ) from error
+
+
+def check_pose(T: Floats, what: str) -> None:
+    """Raise RobotError unless T is a (4, 4) rigid transform."""
+    good = T.shape == (4, 4) and bool(np.isfinite(T).all()) and np.allclose(T[3], [0, 0, 0, 1])
+    if not good or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6) or np.linalg.det(T[:3, :3]) < 0:
+        raise RobotError(
+            f"{what} is not a rigid transform", remedy="give a (4, 4) rotation and translation", element=what
+        )
+
+
+def pack(shapes: Sequence[Shape]) -> Capsules:
+    """The shapes' enclosing capsules as arrays; index = shape index."""
+    arrays = Capsules(
+        link=np.array([s.link for s in shapes], dtype=np.int64),
+        p0=np.array([s.capsule[0] for s in shapes], dtype=np.float64).reshape(-1, 3),
+        p1=np.array([s.capsule[1] for s in shapes], dtype=np.float64).reshape(-1, 3),
+        radius=np.array([s.capsule[2] for s in shapes], dtype=np.float64),
+        exact=np.array([s.exact for s in shapes], dtype=np.bool_),
+    )
+    for array in arrays:
+        array.setflags(write=False)
+    return arrays

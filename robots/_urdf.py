@@ -1,0 +1,308 @@
+"""URDF to a serial chain: movable joints from root to tip, everything else merged into the links that carry it."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import numpy as np
+import yourdfpy
+
+from armtempo.errors import RobotError
+from armtempo.robots._model import Floats
+from armtempo.robots._shapes import Shape, load_mesh, make_shape
+
+__all__ = ["Body", "Chain", "ChainJoint", "merge_inertia", "read_urdf"]
+
+MOVABLE: Final = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Body:
+    """Mass, centre of mass (3,) and inertia about it (3, 3), in one link's frame."""
+
+    mass: float
+    com: Floats
+    inertia: Floats
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class ChainJoint:
+    """A movable joint and the moving link behind it. Limits that the URDF does not give are None."""
+
+    name: str
+    type: str
+    link_name: str
+    T_before_link: Floats
+    axis: Floats
+    lower: float | None
+    upper: float | None
+    effort: float | None
+    velocity: float | None
+    damping: float
+    body: Body
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Chain:
+    """What ``Arm`` needs of a URDF."""
+
+    name: str
+    joints: tuple[ChainJoint, ...]
+    shapes: tuple[Shape, ...]
+    tip_link: str
+    T_last_tip: Floats
+
+
+def merge_inertia(bodies: list[tuple[float, Floats, Floats]]) -> Body:
+    """One rigid body from (mass, com, inertia about com) parts in the same frame (parallel-axis theorem)."""
+    mass = math.fsum(m for m, _, _ in bodies)
+    com = sum((m * c for m, c, _ in bodies), np.zeros(3)) / mass if mass > 0 else np.zeros(3)
+    inertia = np.zeros((3, 3))
+    for m, c, about_com in bodies:
+        d = c - com
+        inertia += about_com + m * (d @ d * np.eye(3) - np.outer(d, d))
+    return Body(mass=mass, com=com, inertia=inertia)
+
+
+def read_urdf(file: Path, tip_link: str | None) -> Chain:
+    """Parse ``file`` and follow the chain from its root to ``tip_link`` (default: the only leaf).
+
+    Movable joints off the chain are held at zero. Raises RobotError naming the file, the element and the remedy.
+    """
+    return _Reader(file).chain(tip_link)
+
+
+class _Reader:
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        robot, self.capsules, self.visible = self._parse()
+        self.robot = robot
+        self.links = {link.name: link for link in robot.links}
+        self.parent_joint: dict[str, Any] = {}
+        self.children: dict[str, list[Any]] = {name: [] for name in self.links}
+        for joint in robot.joints:
+            for end in (joint.parent, joint.child):
+                if end not in self.links:
+                    self.fail(f"joint {joint.name!r}", f"joins the unknown link {end!r}", self._known(end, self.links))
+            if joint.child in self.parent_joint:
+                self.fail(f"link {joint.child!r}", "has two parent joints", "remove one: the links must form a tree")
+            self.parent_joint[joint.child] = joint
+            self.children[joint.parent].append(joint)
+        roots = [name for name in self.links if name not in self.parent_joint]
+        if len(roots) != 1:
+            self.fail("robot", f"has {len(roots)} root links {roots}", "join the links into one tree")
+        self.root = roots[0]
+
+    def fail(self, element: str, problem: str, remedy: str) -> NoReturn:
+        raise RobotError(f"{self.file}: {element} {problem}", remedy=remedy, file=str(self.file), element=element)
+
+    @staticmethod
+    def _known(name: str, known: Any) -> str:
+        close = get_close_matches(name, known, n=1)
+        return (f"did you mean {close[0]!r}? " if close else "") + f"links: {', '.join(known)}"
+
+    def _parse(self) -> tuple[Any, dict[tuple[str, int], tuple[float, float]], set[str]]:
+        """The robot as yourdfpy has it; PyBullet's <capsule> elements, which it refuses; links that have geometry."""
+        try:
+            root = ET.parse(self.file).getroot()  # noqa: S314 - the user's own file
+        except FileNotFoundError:
+            self.fail("file", "does not exist", "check the path of the URDF")
+        except (OSError, ET.ParseError) as error:
+            self.fail("file", f"cannot be read as XML: {error}", "repair it (run xacro first if it is a .xacro)")
+        if root.tag != "robot":
+            self.fail(f"<{root.tag}>", "is not a URDF's <robot>", "give a URDF file")
+        capsules: dict[tuple[str, int], tuple[float, float]] = {}
+        visible: set[str] = set()
+        for kind in ("link", "joint"):
+            names = [element.get("name", "") for element in root.findall(kind)]
+            for name in names:
+                if not name or names.count(name) > 1:
+                    self.fail(f"{kind} {name!r}", "has no name of its own", "give each one its own name")
+        for link in root.findall("link"):
+            name = link.get("name", "")
+            if link.find("visual") is not None or link.find("collision") is not None:
+                visible.add(name)
+            for visual in link.findall("visual"):
+                link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
+            for index, collision in enumerate(link.findall("collision")):
+                geometry = collision.find("geometry")
+                shape = None if geometry is None or not len(geometry) else geometry[0]
+                if shape is None:
+                    self.fail(f"link {name!r}", f"collision {index} has no shape", "add one inside its <geometry>")
+                if shape.tag == "capsule":
+                    try:
+                        capsules[name, index] = float(shape.attrib["radius"]), float(shape.attrib["length"])
+                    except (KeyError, ValueError):
+                        self.fail(f"link {name!r}", "has a bad <capsule>", "give radius and length in metres")
+                    shape.tag = "cylinder"
+        try:
+            text = io.BytesIO(ET.tostring(root))
+            robot = yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except Exception as error:  # noqa: BLE001 - yourdfpy lets KeyError, AttributeError, ValueError through
+            self.fail("file", f"is not a valid URDF: {type(error).__name__}: {error}", "check it with check_urdf")
+        return robot, capsules, visible
+
+    def _tip(self, tip_link: str | None) -> str:
+        if tip_link is not None:
+            if tip_link not in self.links:
+                self.fail(f"tip_link {tip_link!r}", "does not exist", self._known(tip_link, self.links))
+            return tip_link
+        leaves = [name for name, joints in self.children.items() if not joints]
+        if len(leaves) > 1:
+            self.fail(
+                "robot", f"ends in {len(leaves)} links", f"choose the tip with tip_link: one of {', '.join(leaves)}"
+            )
+        return leaves[0]
+
+    def chain(self, tip_link: str | None) -> Chain:
+        tip = self._tip(tip_link)
+        chain: list[Any] = []
+        link = tip
+        while link != self.root:
+            if len(chain) > len(self.links):
+                self.fail(f"link {link!r}", "is part of a loop", "the links must form a tree")
+            chain.insert(0, self.parent_joint[link])
+            link = chain[0].parent
+        movable = []
+        for joint in chain:
+            if joint.type in MOVABLE:
+                movable.append(joint)
+                if joint.mimic is not None:
+                    self.fail(f"joint {joint.name!r}", "mimics another", "choose a tip_link before it")
+            elif joint.type != "fixed":
+                self.fail(
+                    f"joint {joint.name!r}", f"is {joint.type}", f"only {', '.join(MOVABLE)} and fixed are supported"
+                )
+        if not movable:
+            movers = [j.child for j in self.robot.joints if j.type in MOVABLE]
+            remedy = f"choose a tip_link behind one: {', '.join(movers)}" if movers else "give a robot with joints"
+            self.fail("robot", f"has no movable joint between {self.root!r} and {tip!r}", remedy)
+
+        place = {self.root: (-1, np.eye(4))}
+        before: list[Floats] = []
+        number = {joint.name: i for i, joint in enumerate(movable)}
+        stack = [self.root]
+        while stack:
+            parent = stack.pop()
+            body, T = place[parent]
+            for joint in self.children[parent]:
+                T_joint = T if joint.origin is None else T @ joint.origin
+                place[joint.child] = (body, T_joint) if joint.name not in number else (number[joint.name], np.eye(4))
+                if joint.name in number:
+                    before.append(T_joint)  # in chain order: the walk reaches them one behind the other
+                stack.append(joint.child)
+
+        parts: list[list[tuple[float, Floats, Floats]]] = [[] for _ in movable]
+        shapes: list[Shape] = []
+        names = {i: joint.child for i, joint in enumerate(movable)} | {-1: self.root}
+        for name, link in self.links.items():
+            if name not in place:
+                self.fail(f"link {name!r}", "hangs on a loop", "the links must form a tree")
+            body, T = place[name]
+            if body >= 0:
+                first = names[body] == name
+                if link.inertial is not None:
+                    parts[body].append(self._inertial(name, link.inertial, T))
+                elif first or name in self.visible:
+                    self.fail(f"link {name!r}", "moves but has no <inertial>", "add its mass and inertia")
+            for index, collision in enumerate(link.collisions):
+                shapes.append(self._shape(name, index, collision, body, T))
+        bodies = [merge_inertia(part) for part in parts]
+        if bodies[-1].mass <= 0:
+            self.fail(f"link {names[len(movable) - 1]!r}", "moves but has no mass", "give it a mass greater than 0")
+        joints = [self._joint(j, T, b) for j, T, b in zip(movable, before, bodies, strict=True)]
+        return Chain(
+            name=self.robot.name, joints=tuple(joints), shapes=tuple(shapes), tip_link=tip, T_last_tip=place[tip][1]
+        )
+
+    def _inertial(self, name: str, inertial: Any, T: Floats) -> tuple[float, Floats, Floats]:
+        mass, inertia = inertial.mass, inertial.inertia
+        if mass is None or inertia is None:
+            self.fail(f"link {name!r}", "has an <inertial> without mass or inertia", "add both")
+        finite = math.isfinite(mass) and mass >= 0 and bool(np.isfinite(inertia).all())
+        moments = np.linalg.eigvalsh(inertia) if finite else np.full(3, -1.0)
+        if moments[0] < -1e-12:
+            self.fail(f"link {name!r}", "has a negative mass or inertia", "give physical values")
+        if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
+            # PyBullet would replace it by zero with no more than a warning, and simulate another arm.
+            problem = (
+                f"has principal moments of inertia {np.array2string(moments, precision=4)}, which no body can have"
+            )
+            self.fail(f"link {name!r}", problem, "the largest may not exceed the sum of the others")
+        T = T if inertial.origin is None else T @ inertial.origin
+        return float(mass), T[:3, 3].copy(), T[:3, :3] @ inertia @ T[:3, :3].T
+
+    def _joint(self, joint: Any, T: Floats, body: Body) -> ChainJoint:
+        length = float(np.linalg.norm(joint.axis))
+        if not 1e-9 < length < math.inf:
+            self.fail(f"joint {joint.name!r}", "has no axis", "give <axis xyz> a direction")
+        limit, dynamics = joint.limit, joint.dynamics
+        try:
+            damping = float(dynamics.damping or 0.0) if dynamics is not None else 0.0
+        except ValueError:
+            damping = math.nan
+        if not 0.0 <= damping < math.inf:
+            self.fail(f"joint {joint.name!r}", "has a bad damping", "give a number >= 0")
+        continuous = joint.type == "continuous"
+        return ChainJoint(
+            name=joint.name,
+            type=joint.type,
+            link_name=joint.child,
+            T_before_link=T,
+            axis=joint.axis / length,
+            lower=-math.inf if continuous else limit and limit.lower,
+            upper=math.inf if continuous else limit and limit.upper,
+            effort=limit and limit.effort,
+            velocity=limit and limit.velocity,
+            damping=damping,
+            body=body,
+        )
+
+    def _shape(self, name: str, index: int, collision: Any, body: int, T: Floats) -> Shape:
+        geometry = collision.geometry
+        T = T if collision.origin is None else T @ collision.origin
+        kind: str
+        size: tuple[float, ...]
+        vertices = None
+        if (name, index) in self.capsules:
+            kind, size = "capsule", self.capsules[name, index]
+        elif geometry.box is not None:
+            kind, size = "box", tuple(geometry.box.size)
+        elif geometry.sphere is not None:
+            kind, size = "sphere", (geometry.sphere.radius,)
+        elif geometry.cylinder is not None:
+            kind, size = "cylinder", (geometry.cylinder.radius, geometry.cylinder.length)
+        else:
+            kind, size = "convex", ()
+            scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+            file = self._mesh_file(name, geometry.mesh.filename or "")
+            vertices = load_mesh(file, element=f"{self.file}: link {name!r}") * scale
+        try:
+            return make_shape(kind, size, T, link=body, link_name=name, vertices=vertices)
+        except RobotError as error:
+            raise RobotError(f"{self.file}: {error}", file=str(self.file), element=f"link {name!r}") from error
+
+    def _mesh_file(self, name: str, filename: str) -> Path:
+        """package://, model:// and file:// names, absolute ones, and ones relative to the URDF or a folder above it."""
+        scheme, _, rest = filename.rpartition("://")
+        path = Path(rest)
+        if path.is_absolute() and path.is_file():
+            return path
+        folders = [self.file.parent, *self.file.parent.parents]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+            for entry in os.environ.get(variable, "").split(os.pathsep):
+                folders += [Path(entry), Path(entry) / "share"] if entry else []
+        inside = Path(*path.parts[1:]) if scheme in ("package", "model") and len(path.parts) > 1 else None
+        for folder in folders:
+            for candidate in (path, inside):
+                if candidate is not None and (folder / candidate).is_file():
+                    return folder / candidate
+        remedy = "put it beside the URDF, or its package's folder on ROS_PACKAGE_PATH"
+        return self.fail(f"link {name!r}", f"wants the mesh {filename!r}, which is not there", remedy)

@@ -1,0 +1,407 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from armtempo.configs import (
+    ArcConfig,
+    CellConfig,
+    LineConfig,
+    bundled_cells,
+    data_path,
+    load_cell_config,
+    parse_cell_config,
+    resolve_file,
+)
+from armtempo.errors import ArmtempoError, ConfigError, UnknownNameError
+
+Edit = Callable[[dict[str, Any]], None]
+
+
+def cell() -> dict[str, Any]:
+    """A small valid cell with everything that is optional."""
+    return {
+        "kind": "coordination",
+        "name": "mine",
+        "d_min_m": 0.02,
+        "arms": [
+            {
+                "name": "left",
+                "urdf": "left.urdf",
+                "tool": {
+                    "mass_kg": 0.5,
+                    "com_m": [0, 0, 0.1],
+                    "inertia_kgm2": [0.01, 0.01, 0.005, 0, 0, 0],
+                    "frame": {"position_m": [0, 0, 0.2]},
+                    "hull_m": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+                },
+                "limits": {"torque_nm": [25, None], "position_rad": [[-1, 1], None]},
+                "path": {
+                    "start_m": [0.4, 0.3, 0],
+                    "segments": [
+                        {"line": {"to_m": [0.4, 0.2, 0]}},
+                        {"arc": {"to_m": [0.3, 0.1, 0], "center_m": [0.3, 0.2, 0]}},
+                    ],
+                },
+            },
+            {
+                "name": "right",
+                "urdf": "right.urdf",
+                "path": {"start_m": [1, 0, 0], "segments": [{"line": {"to_m": [1, 1, 0]}}]},
+            },
+        ],
+        "obstacles": [
+            {"name": "post", "cylinder": {"radius_m": 0.1, "length_m": 1}, "pose": {"position_m": [2, 0, 0]}}
+        ],
+    }
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_bundled_lee1991_is_the_cell_of_the_paper() -> None:
+    config = load_cell_config("lee1991")
+    master, slave = config.arms
+    assert (master.name, slave.name) == ("master", "slave")
+    assert master.base.position_m == (0.0, 0.0, 0.0)
+    assert slave.base.position_m == (0.85, 0.0, 0.0)
+    assert master.base.rpy_rad == slave.base.rpy_rad == (0.0, 0.0, 0.0)
+    assert (master.elbow, slave.elbow) == ("negative", "positive")
+    assert master.limits.torque_nm == slave.limits.torque_nm == (25.0, 7.0)
+    assert master.path.start_m == (0.40, 0.35, 0.0)
+    assert master.path.segments[0].geometry == ArcConfig(to_m=(0.40, 0.05, 0.0), center_m=(0.25, 0.20, 0.0))
+    assert slave.path.start_m == (0.45, 0.35, 0.0)
+    assert slave.path.segments[0].geometry == ArcConfig(to_m=(0.45, 0.05, 0.0), center_m=(0.60, 0.20, 0.0))
+    assert (config.d_min_m, config.physics_tick_s, config.control_period_s) == (0.01, 0.001, 0.004)
+    assert config.ticks_per_period == 4
+
+
+@pytest.mark.parametrize("name", bundled_cells())
+def test_every_bundled_cell_loads_under_its_own_name(name: str) -> None:
+    config = load_cell_config(name)
+    assert config.name == name
+    assert config.description
+    assert config.source == data_path(f"cells/{name}.yaml").resolve()
+
+
+def test_own_file_loads_with_its_optional_parts(tmp_path: Path) -> None:
+    path = write(tmp_path, yaml.safe_dump(cell()))
+    config = load_cell_config(path)
+    assert load_cell_config(str(path)) == config
+    assert config.source == path
+    left, right = config.arms
+    assert left.limits.torque_nm == (25.0, None)
+    assert left.limits.position_rad == ((-1.0, 1.0), None)
+    assert left.tool is not None
+    assert left.tool.hull_m is not None
+    assert len(left.tool.hull_m) == 4
+    assert isinstance(left.path.segments[0].geometry, LineConfig)
+    assert right.tool is None
+    assert right.elbow is None
+    assert config.obstacles[0].kind == "cylinder"
+    assert config.gravity_m_s2 == (0.0, 0.0, -9.81)
+
+
+def test_a_bundled_name_wins_over_a_folder_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lee1991").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load_cell_config("lee1991").name == "lee1991"
+
+
+def test_a_config_cannot_be_changed() -> None:
+    config = load_cell_config("lee1991")
+    with pytest.raises(ValidationError, match="frozen"):
+        setattr(config, "d_min_m", 0.05)  # noqa: B010 - the checkers know, too
+    assert config.model_copy(update={"d_min_m": 0.05}).source == config.source
+
+
+def test_every_key_is_documented() -> None:
+    def undocumented(model: Any, prefix: str) -> list[str]:
+        return [f"{prefix}{name}" for name, field in model.model_fields.items() if not field.description]
+
+    alternatives = {"line", "arc", "box", "sphere", "cylinder", "capsule", "mesh"}  # documented by their own class
+    models = [
+        CellConfig,
+        *(vars(__import__("armtempo.configs", fromlist=["x"]))[n] for n in ("ArmConfig", "ToolConfig")),
+    ]
+    for model in models:
+        assert not set(undocumented(model, "")) - alternatives
+
+
+def arm(change: dict[str, Any], index: int = 0) -> Edit:
+    return lambda data: data["arms"][index].update(change)
+
+
+def top(change: dict[str, Any]) -> Edit:
+    return lambda data: data.update(change)
+
+
+def drop(key: str) -> Edit:
+    def edit(data: dict[str, Any]) -> None:
+        del data[key]
+
+    return edit
+
+
+def segment(value: Any) -> Edit:
+    return lambda data: data["arms"][1]["path"].update(segments=[value])
+
+
+NAN = float("nan")
+BAD: dict[str, tuple[Edit, str, str]] = {
+    # name: (edit of a good cell, dotted key, rest of the message as it must begin)
+    "misspelt key": (
+        arm({"lmits": {}}),
+        "arms[0].lmits",
+        "unknown key (did you mean 'limits'? known: name, urdf, base",
+    ),
+    "misspelt required key": (
+        segment({"arc": {"to": [0, 0, 0], "center_m": [0, 0, 0]}}),
+        "arms[1].path.segments[0].arc.to",
+        "unknown key (did you mean 'to_m'? known: to_m, center_m, turn, normal)",
+    ),
+    "unlike any key": (top({"zzz": 1}), "zzz", "unknown key (known: kind, name, description, d_min_m"),
+    "missing": (drop("d_min_m"), "d_min_m", "missing (add it: Smallest distance allowed between the surfaces"),
+    "missing kind": (drop("kind"), "kind", "missing (add it: What the cell is for)"),
+    "text for a number": (top({"d_min_m": "0.01"}), "d_min_m", "must be a number, got '0.01' (Smallest distance"),
+    "bool for a number": (top({"d_min_m": True}), "d_min_m", "must be a number, got True ("),
+    "number for text": (top({"name": 5}), "name", "must be a valid string, got 5 (Name of the cell)"),
+    "bad name": (
+        arm({"name": "Left arm"}),
+        "arms[0].name",
+        "must match '^[a-z][a-z0-9_]*$', got 'Left arm'",
+    ),
+    "nan": (top({"d_min_m": NAN}), "d_min_m", "must be a finite number, got nan (Smallest distance"),
+    "infinite": (
+        arm({"path": {"start_m": [0, float("inf"), 0], "segments": [{"line": {"to_m": [0, 0, 0]}}]}}),
+        "arms[0].path.start_m[1]",
+        "must be a finite number, got inf (First point [m], world frame)",
+    ),
+    "negative d_min": (top({"d_min_m": -0.01}), "d_min_m", "must be greater than or equal to 0, got -0.01 ("),
+    "zero tick": (
+        top({"physics_tick_s": 0}),
+        "physics_tick_s",
+        "must be greater than 0, got 0 (Step of the simulation",
+    ),
+    "all torque reserved": (top({"torque_reserve": 1}), "torque_reserve", "must be less than 1, got 1 ("),
+    "period": (
+        top({"control_period_s": 0.0045}),
+        "control_period_s",
+        "must be a whole multiple of physics_tick_s = 0.001, got 4.5 ticks; nearest: 0.004 (Time between two decisions",
+    ),
+    "period below a tick": (
+        top({"control_period_s": 0.0004}),
+        "control_period_s",
+        "must be a whole multiple of physics_tick_s = 0.001, got 0.4 ticks; nearest: 0.001 (",
+    ),
+    "part of a station": (top({"stations": 10.5}), "stations", "must be a valid integer, got 10.5 ("),
+    "no arms": (top({"arms": []}), "arms", "must have at least 1 item, got [] ("),
+    "same name": (arm({"name": "left"}, 1), "arms", "each needs a name of its own; used twice: left ("),
+    "no segments": (
+        arm({"path": {"start_m": [0, 0, 0], "segments": []}}),
+        "arms[0].path.segments",
+        "must have at least 1 item, got [] (Pieces in order",
+    ),
+    "two kinds of segment": (
+        segment({"line": {"to_m": [0, 0, 0]}, "arc": {"to_m": [0, 0, 0], "center_m": [0, 0, 0]}}),
+        "arms[1].path.segments[0]",
+        "a segment needs exactly one of line, arc; got line, arc (",
+    ),
+    "empty segment": (segment({}), "arms[1].path.segments[0]", "a segment needs exactly one of line, arc; got none ("),
+    "short point": (
+        segment({"line": {"to_m": [0, 0]}}),
+        "arms[1].path.segments[0].line.to_m",
+        "has too few items, got [0, 0] (End [m], world frame)",
+    ),
+    "bad turn": (
+        segment({"arc": {"to_m": [0, 0, 0], "center_m": [0, 0, 0], "turn": "left"}}),
+        "arms[1].path.segments[0].arc.turn",
+        "must be 'ccw' or 'cw', got 'left' (Sense seen against",
+    ),
+    "bad elbow": (arm({"elbow": "up"}), "arms[0].elbow", "must be 'negative' or 'positive', got 'up' ("),
+    "limits": (
+        arm({"limits": {"position_rad": [[1, -1], None]}}),
+        "arms[0].limits.position_rad",
+        "each range must be [lowest, highest], the lowest first (Lowest and highest position [rad]",
+    ),
+    "inertia": (
+        arm({"tool": {"inertia_kgm2": [1, 1, 3, 0, 0, 0]}}),
+        "arms[0].tool.inertia_kgm2",
+        "ixx, iyy, izz must be >= 0, and none larger than the sum of the other two (ixx, iyy, izz,",
+    ),
+    "flat hull": (
+        arm({"tool": {"hull_m": [[0, 0, 0]] * 5}}),
+        "arms[0].tool.hull_m",
+        "a hull needs at least 4 different points",
+    ),
+    "obstacle without shape": (
+        top({"obstacles": [{"name": "post"}]}),
+        "obstacles[0]",
+        "an obstacle needs exactly one of box, sphere, cylinder, capsule, mesh; got none (",
+    ),
+    "unknown shape": (
+        top({"obstacles": [{"name": "p", "boxx": {}}]}),
+        "obstacles[0].boxx",
+        "unknown key (did you mean 'box'?",
+    ),
+    "mapping for a list": (
+        top({"arms": {"name": "x"}}),
+        "arms",
+        "must be a list, got {'name': 'x'} (The arms in",
+    ),
+    "long point": (
+        top({"gravity_m_s2": [0, 0, 0, 0]}),
+        "gravity_m_s2",
+        "must have at most 3 items, got [0, 0, 0, 0] (",
+    ),
+    "number for a mapping": (top({"arms": [5]}), "arms[0]", "must be a mapping of keys to values, got 5 ("),
+    "left empty": (top({"obstacles": None}), "obstacles", "must be a list, got null (Bodies that stand still)"),
+    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination', got 'dance' (What the cell is for)"),
+    "blend": (top({"kind": "blend"}), "kind", "'blend' is not available in this version (use kind: coordination)"),
+    "ik": (top({"kind": "ik"}), "kind", "'ik' is not available in this version (use kind: coordination)"),
+    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', got ['ik'] ("),
+    "a source of its own": (top({"source": "x"}), "source", "unknown key ("),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_errors_name_file_key_value_and_remedy(name: str, tmp_path: Path) -> None:
+    edit, key, rest = BAD[name]
+    data = cell()
+    edit(data)
+    path = write(tmp_path, yaml.safe_dump(data, sort_keys=False))
+    with pytest.raises(ConfigError) as caught:
+        load_cell_config(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {key}: {rest}"), message
+    assert "\n" not in message
+    assert caught.value.remedy
+    assert caught.value.data["file"] == path
+    assert caught.value.data["key"] == key
+    assert "value" in caught.value.data
+
+
+def test_period_is_compared_with_a_tolerance() -> None:
+    data = cell()
+    data.update(physics_tick_s=1 / 240, control_period_s=0.05)
+    assert parse_cell_config(data, Path("x.yaml")).ticks_per_period == 12
+
+
+def test_error_keeps_the_offending_value() -> None:
+    data = cell()
+    data["control_period_s"] = 0.0045
+    with pytest.raises(ConfigError) as caught:
+        parse_cell_config(data, Path("x.yaml"))
+    assert caught.value.data["value"] == 0.0045
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kind: coordination\narms: [1, 2\nname: x\n", "line 3, column 5: "),
+        ("kind: coordination\n\tname: x\n", "line 2, column 1: found character '\\t' that cannot start any token"),
+        (
+            "kind: coordination\nname: a\nname: b\n",
+            "line 3, column 1: the key 'name' is given twice (mend the YAML there",
+        ),
+        ("arms:\n  - name: a\n    urdf: b\n    name: c\n", "line 4, column 5: the key 'name' is given twice"),
+        ("", "is empty (start from a bundled cell"),
+        ("- 1\n- 2\n", "is no mapping of keys to values but [1, 2] (start from a bundled cell"),
+        ("name: !!python/object/apply:os.getcwd []\n", "line 1, column 7: could not determine a constructor"),
+        ("when: 2020-13-45\n", "not YAML: month must be in 1..12"),
+        ("name: \x00\n", "not YAML: unacceptable character"),
+    ],
+)
+def test_yaml_errors_name_the_line(text: str, message: str, tmp_path: Path) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load_cell_config(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+    assert "\n" not in str(caught.value)
+
+
+def test_short_exponents_are_numbers(tmp_path: Path) -> None:
+    text = yaml.safe_dump(cell()).replace("d_min_m: 0.02", "d_min_m: 2e-2")
+    assert load_cell_config(write(tmp_path, text)).d_min_m == 0.02
+
+
+def test_anchors_and_merge_keys_work(tmp_path: Path) -> None:
+    text = """
+kind: coordination
+name: twins
+d_min_m: 0.01
+arms:
+  - &arm {name: a, urdf: a.urdf, path: {start_m: [0, 0, 0], segments: [line: {to_m: [1, 0, 0]}]}}
+  - {<<: *arm, name: b}
+"""
+    assert [arm.name for arm in load_cell_config(write(tmp_path, text)).arms] == ["a", "b"]
+
+
+def test_unknown_cell_names_the_closest_and_all() -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        load_cell_config("lee1919")
+    message = str(caught.value)
+    assert message.startswith("unknown cell 'lee1919' (did you mean 'lee1991'? known: ")
+    assert message.endswith("; or give the path of a YAML file)")
+    assert caught.value.data["known"] == list(bundled_cells())
+
+
+@pytest.mark.parametrize("name", ["nowhere.yaml", "some/where", Path("nowhere")])
+def test_missing_file(name: str | Path) -> None:
+    with pytest.raises(ConfigError, match=r"no such file \(give a YAML file, or a bundled cell: .*lee1991"):
+        load_cell_config(name)
+
+
+def test_a_folder_is_no_cell(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="is a folder"):
+        load_cell_config(tmp_path)
+
+
+def test_text_must_be_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(b"name: \xff\xfe")
+    with pytest.raises(ConfigError, match=r"not UTF-8 text \(save it as UTF-8\)"):
+        load_cell_config(path)
+
+
+def test_files_are_looked_for_beside_the_cell_first(tmp_path: Path) -> None:
+    config = load_cell_config(write(tmp_path, yaml.safe_dump(cell())))
+    own = tmp_path / "meshes" / "planar_two_link.urdf"
+    own.parent.mkdir()
+    own.touch()
+    assert resolve_file(config, "meshes/planar_two_link.urdf") == own
+    assert resolve_file(config, str(own)) == own
+    (tmp_path / "planar_two_link.urdf").touch()
+    assert resolve_file(config, "planar_two_link.urdf") == tmp_path / "planar_two_link.urdf"
+
+
+def test_bundled_robots_are_found_from_any_cell(tmp_path: Path) -> None:
+    config = load_cell_config(write(tmp_path, yaml.safe_dump(cell())))
+    assert resolve_file(config, "planar_two_link.urdf") == data_path("robots/planar_two_link.urdf").resolve()
+
+
+def test_missing_file_of_a_cell_says_where_it_looked(tmp_path: Path) -> None:
+    config = load_cell_config(write(tmp_path, yaml.safe_dump(cell())))
+    with pytest.raises(ConfigError) as caught:
+        resolve_file(config, "planar_two_lnk.urdf")
+    message = str(caught.value)
+    assert message.startswith(f"{config.source}: no file 'planar_two_lnk.urdf': looked for {tmp_path}")
+    assert "did you mean 'planar_two_link.urdf'?" in message
+
+
+def test_unknown_data_file() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown data file 'cells/lee.yaml'"):
+        data_path("cells/lee.yaml")
+
+
+def test_all_errors_share_one_root() -> None:
+    assert issubclass(ConfigError, ArmtempoError)
+    assert issubclass(UnknownNameError, ArmtempoError)
