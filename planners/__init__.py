@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from armtempo.planners import _phase_kernels as phase_kernels
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell, build_cell, load_cell
+from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import makespan_bound
@@ -19,6 +21,7 @@ __all__ = [
     "Arc",
     "CartesianPath",
     "Cell",
+    "ClearanceTable",
     "CoordinationChart",
     "JointPath",
     "Line",
@@ -35,9 +38,12 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "build_cell",
+    "clearance_table",
     "load_cell",
     "makespan_bound",
     "minimum_time",
     "path_point",
+    "phase_kernels",
     "schedule",
+    "tabulated_clearance",
 ]

@@ -107,10 +107,10 @@ class Arc:
             )
         normal = np.cross(a, b) if self.normal is None else _point(self.normal, "normal of an arc")
         size = float(np.linalg.norm(normal))
-        if size < 1e-9 * (radius**2 if self.normal is None else 1.0):
+        if size < (1e-5 * radius**2 if self.normal is None else 1e-9):  # rounded coordinates do not choose a side
             raise PathError(
                 f"the plane of the arc about {self.center.tolist()} is not determined",
-                remedy="half and full circles need a turn: cw or ccw",
+                remedy="a half circle needs a turn, cw or ccw; a full one is two halves",
             )
         normal = normal / size
         x_axis = a / radius

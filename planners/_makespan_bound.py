@@ -23,7 +23,7 @@ CELLS = 2000  # along the slower arm
 
 
 @njit
-def _fewest_cells(blocked_before: NDArray[np.int64], low_a: Array, high_a: Array, low_b: Array, high_b: Array) -> int:
+def _fewest_cells(blocked_before: NDArray[np.int32], low_a: Array, high_a: Array, low_b: Array, high_b: Array) -> int:
     """Cells on the shortest king's-move path through the warped grid, or 0 if there is none.
 
     ``blocked_before`` (R+1, R+1): blocked chart cells before each row and column; ``low``, ``high``: chart cells that a
@@ -67,8 +67,8 @@ def makespan_bound(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart
     """
     longest = max(fastest_a.duration, fastest_b.duration)
     h = longest / CELLS
-    blocked = np.zeros((chart.resolution + 1,) * 2, dtype=np.int64)
-    blocked[1:, 1:] = np.cumsum(np.cumsum(chart.states == BLOCKED, axis=0), axis=1)
+    blocked = np.zeros((chart.resolution + 1,) * 2, dtype=np.int32)
+    blocked[1:, 1:] = np.cumsum(np.cumsum(chart.states == BLOCKED, axis=0, dtype=np.int32), axis=1)
     touched = []
     for fastest, step in ((fastest_a, chart.step_a), (fastest_b, chart.step_b)):
         count = max(math.ceil(fastest.duration / h * (1.0 - 1e-12)), 1)

@@ -98,8 +98,10 @@ class PathDynamics:
                 raise InfeasibleError(f"{name} is not finite at row {k}", row=k)
         if np.isnan(self.torque_min).any() or np.isnan(self.torque_max).any() or np.isnan(self.speed_max).any():
             raise InfeasibleError("torque_min, torque_max and speed_max must not hold NaN")
-        if (self.speed_max < 0.0).any() or (np.diff(self.grid) < 0.0).any() or self.grid[-1] <= self.grid[0]:
-            raise InfeasibleError("speed_max must not be negative, and grid must rise")
+        if (self.speed_max < 0.0).any():
+            raise InfeasibleError("speed_max must not be negative")
+        if (np.diff(self.grid) < 0.0).any() or self.grid[0] == self.grid[1] or self.grid[-1] == self.grid[-2]:
+            raise InfeasibleError("grid must rise, and may stay at one station for two rows only between its ends")
         if (self.torque_min > self.torque_max).any():
             k, joint = np.argwhere(self.torque_min > self.torque_max)[0]
             raise InfeasibleError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
@@ -116,9 +118,11 @@ class PathDynamics:
             intervals: Number of grid intervals N (breakpoints add to it).
             torque_reserve: Share of every torque limit that the plan leaves unused, in [0, 1).
         """
-        smooth = np.union1d(np.linspace(0.0, path.length, intervals + 1), path.breakpoints)
+        uniform = np.linspace(0.0, path.length, intervals + 1)
+        gap = np.abs(uniform[:, None] - path.breakpoints).min(axis=1)
+        uniform = uniform[gap > 0.01 * path.length / intervals]  # no slivers beside breakpoints
         jumps = path.breakpoints[1:-1]
-        grid = np.sort(np.concatenate([smooth, jumps]))
+        grid = np.sort(np.concatenate([uniform, path.breakpoints, jumps]))
         q, dq, ddq = path.evaluate(grid)
         for jump in jumps:  # the first of the two rows belongs to the piece before
             k = int(np.searchsorted(grid, jump))

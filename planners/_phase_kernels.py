@@ -211,7 +211,8 @@ def advance(
         if lam >= station[last] - 1e-12 * station[last]:
             return station[last], np.sqrt(edges.high[last]), used, count
         rest = dt - used
-        if rest <= 0.0:
+        if rest <= 1e-9 * dt:  # rounding
+            used = dt
             break
         width = station[i + 1] - station[i]
         w = 1.0 - left / width

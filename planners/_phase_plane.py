@@ -190,12 +190,12 @@ class PhasePlane:
             lam, mu, used, count = advance(
                 self.rows, self.edges, lam, mu, float(command), mode == "speed", step, record, 0
             )
-            rows = record[:count].copy()
-            rows[:, 0] += clock
-            pieces.append(rows)
+            if count:
+                pieces.append(record[:count] + [clock, 0.0, 0.0])
             clock += used
-            if np.isfinite(dt) and used == dt and (count == 0 or rows[-1, 0] < clock):
-                pieces.append(np.array([[clock, lam, mu]]))  # the rest of the time was spent at rest
+            seen, place, _ = pieces[-1][-1]
+            if lam != place or (np.isfinite(dt) and clock > seen):  # the end, reached to rounding; or time spent at rest
+                pieces.append(np.array([[clock, lam, mu]]))
             if lam >= self.length:
                 break
         rows = np.concatenate(pieces)

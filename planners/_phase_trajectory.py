@@ -12,6 +12,8 @@ from armtempo.planners._path_dynamics import PathDynamics
 
 Array = NDArray[np.float64]
 CERTIFY_SAMPLES = 10  # per interval, both ends included
+INSTANT = 1e-12  # share of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
+INSIDE = 1e-9  # share of an interval: each end belongs to its own interval, coefficients may jump at a station
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -80,9 +82,13 @@ class PhaseTrajectory:
 
     @cached_property
     def mu_dot(self) -> Array:
-        """(N,) path acceleration between rows."""
+        """(N,) path acceleration between rows; between rows of one instant that of the rows after them."""
         steps = np.diff(self.time)
-        value = np.divide(np.diff(self.mu), steps, out=np.zeros_like(steps), where=steps > 0.0)
+        lasting = steps > INSTANT * self.duration
+        value = np.divide(np.diff(self.mu), steps, out=np.zeros_like(steps), where=lasting)
+        if lasting.any():
+            of = np.flatnonzero(lasting)
+            value = value[of[np.minimum(np.searchsorted(of, np.arange(len(steps))), len(of) - 1)]]
         value.setflags(write=False)
         return value
 
@@ -127,7 +133,8 @@ class PhaseTrajectory:
 
     def torque(self) -> Array:
         """(N, 2, n) torques at the start and the end of every interval [N m]."""
-        both = np.stack([self.lam[:-1], self.lam[1:]], axis=1)
+        inside = INSIDE * np.diff(self.lam)
+        both = np.stack([self.lam[:-1] + inside, self.lam[1:] - inside], axis=1)
         speed = np.stack([self.mu[:-1], self.mu[1:]], axis=1)
         return self.dynamics.torque(both, speed, np.repeat(self.mu_dot[:, None], 2, axis=1))
 
@@ -135,15 +142,17 @@ class PhaseTrajectory:
     def certificate(self) -> MotionCertificate:
         """Worst torque and speed ratios by dense sampling inside every interval, and the errors at the end."""
         w = np.linspace(0.0, 1.0, CERTIFY_SAMPLES)
-        w[0], w[-1] = 1e-9, 1.0 - 1e-9  # each end belongs to its own interval: coefficients may jump at a station
+        w[0], w[-1] = INSIDE, 1.0 - INSIDE
         lam = self.lam[:-1, None] + w * np.diff(self.lam)[:, None]
         mu = np.sqrt(np.maximum(self.mu[:-1, None] ** 2 + w * np.diff(self.mu**2)[:, None], 0.0))
         mu_dot = np.broadcast_to(self.mu_dot[:, None], lam.shape)
         torque = self._inverse_dynamics(lam, mu, mu_dot)
         grid, dynamics = self.dynamics.grid, self.dynamics
         row = np.clip(np.searchsorted(grid, lam, side="right") - 1, 0, len(grid) - 2)
-        half = 0.5 * (dynamics.torque_max - dynamics.torque_min)[row]
-        middle = 0.5 * (dynamics.torque_max + dynamics.torque_min)[row]
+        way = grid[row + 1] - grid[row]
+        share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)[..., None]
+        low, high = ((1.0 - share) * rows[row] + share * rows[row + 1] for rows in (dynamics.torque_min, dynamics.torque_max))
+        half, middle = 0.5 * (high - low), 0.5 * (high + low)
         ratio = np.abs(torque - middle) / np.maximum(half, 1e-300)
         worst = np.unravel_index(int(ratio.argmax()), ratio.shape)
         cap = np.maximum(dynamics.speed_max[row], dynamics.speed_max[row + 1])

@@ -52,9 +52,11 @@ class TwoLinkPath(JointPath):
         self._measure()
         station = np.linspace(0.0, self.length, SAMPLES)
         self._check_reach(station)
-        self._station, self._turns = station, np.zeros(SAMPLES)
-        self._turns = np.unwrap(self.evaluate(station)[0][:, 0])
-        self._turns += self._whole_turns()
+        self._station, self._turns, self._turn2 = station, np.zeros(SAMPLES), 0.0
+        q = self.evaluate(station)[0]
+        self._turns = np.unwrap(q[:, 0])
+        self._turns += self._whole_turns(0, self._turns)
+        self._turn2 = self._whole_turns(1, q[:, 1])
         self._check_limits(station)
 
     def _measure(self) -> None:
@@ -119,15 +121,12 @@ class TwoLinkPath(JointPath):
                     station=float(station[k]),
                 )
 
-    def _whole_turns(self) -> float:
-        """The number of turns [rad] by which joint 1 best fits its position limits."""
-        low, high = self.arm.position_min[0], self.arm.position_max[0]
-        middle = 0.5 * (self._turns.min() + self._turns.max())
-        if not (np.isfinite(low) and np.isfinite(high)):
-            return 0.0 if self._turns.min() >= low and self._turns.max() <= high else float(
-                2.0 * np.pi * np.round((np.clip(middle, low, high) - middle) / (2.0 * np.pi))
-            )
-        return float(2.0 * np.pi * np.round((0.5 * (low + high) - middle) / (2.0 * np.pi)))
+    def _whole_turns(self, joint: int, q: Array) -> float:
+        """The number of turns [rad] by which a joint best fits its position limits."""
+        low, high = self.arm.position_min[joint], self.arm.position_max[joint]
+        middle = 0.5 * (q.min() + q.max())
+        wanted = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else np.clip(0.0, low, high)
+        return float(2.0 * np.pi * np.round((wanted - middle) / (2.0 * np.pi)))
 
     def _check_limits(self, station: Array) -> None:
         q = self.evaluate(station)[0]
@@ -170,7 +169,7 @@ class TwoLinkPath(JointPath):
         d1, d2 = joint_rates(p[..., 0], p[..., 1])
         w = d1 + d2
         dd1, dd2 = joint_rates(pp[..., 0] + x1 * d1**2 + x2 * w**2, pp[..., 1] + y1 * d1**2 + y2 * w**2)
-        q2 = self._side * (np.remainder(theta2 - self._zero2 + np.pi, 2.0 * np.pi) - np.pi)
+        q2 = self._side * (theta2 - self._zero2) + self._turn2  # theta2 keeps its sign: no jump
         return (
             np.stack([theta1, q2], axis=-1),
             np.stack([d1, self._side * d2], axis=-1),

@@ -77,11 +77,13 @@ def control_intervals(
     checks: int,
     limit: Array,
     count: Array,
+    history: Array,
 ) -> int:
     """Fill commands step by step until arrival; returns the number of steps, or -1 - k if step k cannot be made safe.
 
     ``state`` (K+1, 3): lam, mu, time used in the step before; row 0 is the start. ``limit`` (K checks,): C at the
     beginning of every check. ``count`` (4,): corrections, those of Fig. 3, those of Fig. 4, longest VCI in steps.
+    ``history`` (C, 4): of the first C corrections the step of the collision, first step of the VCI, adjusted step, its command.
     """
     end = rows.station[-1]
     k = 0
@@ -118,6 +120,9 @@ def control_intervals(
                         high = command[adjusted]
             command[adjusted] = low
             _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit)
+            done = int(count[0])
+            if done < history.shape[0]:
+                history[done, 0], history[done, 1], history[done, 2], history[done, 3] = k, first, adjusted, low
             count[0] += 1
             count[1 if adjusted == k else 2] += 1
             count[3] = max(count[3], k - first + 1)
@@ -150,6 +155,7 @@ class VciPlan(NamedTuple):
     last_step_adjusted: int  # Fig. 3
     earlier_step_adjusted: int  # Fig. 4
     longest_interval: float  # [s]
+    history: Array  # (corrections, 4): step of the collision, first step of the VCI, adjusted step, its command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +198,7 @@ class VelocityControl:
         Raises:
             InfeasibleError: Braking from now on cannot keep the slave behind the master.
         """
-        commands, counts, steps = self._solve(master, lam, mu)
+        commands, counts, steps, history = self._solve(master, lam, mu, record=True)
         if steps < 0:
             raise InfeasibleError(
                 f"velocity control cannot keep the slave behind the master: it would collide {(-1 - steps) * self.period:.4g} s "
@@ -203,42 +209,52 @@ class VelocityControl:
         trajectory = self.slave.motion(
             np.repeat(commands, self.checks), np.full(len(commands) * self.checks, self.period / self.checks), lam, mu, mode=self.mode
         )
+        corrections = int(counts[0])
+        history = history[:corrections].copy()
+        history.setflags(write=False)
         return VciPlan(
-            commands, trajectory, int(counts[0]), int(counts[1]), int(counts[2]), float(counts[3]) * self.period
+            commands, trajectory, corrections, int(counts[1]), int(counts[2]), float(counts[3]) * self.period, history
         )
 
-    def _solve(self, master: PhaseTrajectory, lam: float, mu: float) -> tuple[Array, Array, int]:
+    def _solve(
+        self, master: PhaseTrajectory, lam: float, mu: float, *, record: bool = False
+    ) -> tuple[Array, Array, int, Array]:
         longest = master.duration + 3.0 * self.slave.fastest().duration + 20.0 * self.period
         most = math.ceil(longest / self.period)
         state, commands = np.empty((most + 1, 3)), np.zeros(most)
         state[0] = lam, mu, 0.0
         counts = np.zeros(4)
+        history = np.empty((most if record else 0, 4))
         steps = control_intervals(
             self.slave.rows, self.slave.edges, state, commands, self.mode == "speed", self.period, self.checks,
-            self._limit(master, most), counts,
+            self._limit(master, most), counts, history,
         )  # fmt: skip
-        return commands[: max(steps, 0)].copy(), counts, int(steps)
+        return commands[: max(steps, 0)].copy(), counts, int(steps), history
 
-    def command(self, lam: float, mu: float, master_lam: float, master_mu: float) -> float:
-        """The command in [0, 1] for the coming period, from what is seen now.
+    def expected(self, master_lam: float, master_mu: float) -> PhaseTrajectory:
+        """The motion that the master is expected to make from where it is: full speed."""
+        return self.master.motion([1.0], [np.inf], master_lam, master_mu)
 
-        The master is expected to run at full speed from where it is; should it not, the slave could still brake in time:
-        the command is cut back until maximum braking after it stays behind a master that brakes as hard from now on.
+    def guarded(self, command: float, lam: float, mu: float, master_lam: float, master_mu: float) -> float:
+        """The command, cut back until the slave could still brake behind a master that brakes too.
+
+        Maximum braking after one period must stay behind a master that brakes as hard as it can from now on. Every master
+        is at least as far as that one, so a master that is late, slow or stops costs time, never a collision.
         """
-        expected = self.master.motion([1.0], [np.inf], master_lam, master_mu)
-        commands, _, _ = self._solve(expected, lam, mu)
-        wanted = float(commands[0]) if len(commands) else 0.0
         stopping = self.master.braking(master_lam, master_mu)
         longest = self.period + self.slave.braking(lam, mu).duration + self.slave.fastest().duration
         limit = self._limit(stopping, math.ceil(longest / self.period))
-        arguments = (self.slave.rows, self.slave.edges, lam, mu)
-        if _behind(*arguments, wanted, self.mode == "speed", self.period, self.checks, limit):
-            return wanted
-        low, high = 0.0, wanted
+        by_speed = self.mode == "speed"
+
+        def safe(candidate: float) -> bool:
+            return _behind(
+                self.slave.rows, self.slave.edges, lam, mu, candidate, by_speed, self.period, self.checks, limit
+            )
+
+        if safe(command):
+            return command
+        low, high = 0.0, command
         for _ in range(BISECTIONS // 2):
             middle = 0.5 * (low + high)
-            if _behind(*arguments, middle, self.mode == "speed", self.period, self.checks, limit):
-                low = middle
-            else:
-                high = middle
+            low, high = (middle, high) if safe(middle) else (low, middle)
         return low

@@ -225,7 +225,7 @@ class Clearance:
         self._set(j, q_j)
         return self._nearest(query, cutoff)
 
-    def arms(self, qs: Sequence[ArrayLike], cutoff: float = math.inf) -> Nearest:
+    def arms(self, qs: Sequence[ArrayLike] | Floats, cutoff: float = math.inf) -> Nearest:
         """Smallest clearance over all pairs of arms; qs: one (n,) per arm. Otherwise as ``between``."""
         if len(qs) != len(self._q_of):
             raise RobotError(f"{len(qs)} joint positions for {len(self._q_of)} arms", remedy="give one per arm")

@@ -99,11 +99,10 @@ def _axis_for(points: Floats, direction: Floats, offset: Floats) -> tuple[float,
     return best
 
 
-def _enclosing_capsule(points: Floats) -> tuple[Floats, Floats, float]:
-    """A capsule of nearly least volume that holds all points (m, 3)."""
+def _enclosing_capsule(points: Floats, box_axes: Floats) -> tuple[Floats, Floats, float]:
+    """A capsule of nearly least volume that holds all points (m, 3); box_axes: rows to start the search from."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    box_axes = _to_box(points)[:3, :3].T
-    starts = [box_axes[:, k] for k in range(3)] + [np.eye(3)[k] for k in range(3)]
+    starts = [*box_axes] + [np.eye(3)[k] for k in range(3)]
     direction = min(starts, key=lambda d: _axis_for(points, d, centre)[0])
     volume = _axis_for(points, direction, centre)[0]
     scale = float(np.ptp(points, axis=0).max())
@@ -115,7 +114,8 @@ def _enclosing_capsule(points: Floats) -> tuple[Floats, Floats, float]:
 
     simplex = np.vstack([np.zeros(4), 0.1 * np.eye(4)])
     options: Any = {"maxfev": 300, "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-4 * volume}
-    solution = minimize(lambda x: candidate(x)[0], np.zeros(4), method="Nelder-Mead", options=options)
+    search: Any = minimize  # scipy-stubs' overloads refuse plain functions
+    solution = search(lambda x: candidate(x)[0], np.zeros(4), method="Nelder-Mead", options=options)
     _, p0, p1, _ = candidate(np.asarray(solution.x))
     # The radius is measured, not derived, so that the capsule holds every point whatever the search did.
     axis = p1 - p0
@@ -155,7 +155,7 @@ def _hull(data: bytes) -> _Hull:
     R, p = to_box[:3, :3], to_box[:3, 3]
     boxed = vertices @ R.T + p
     corners = (_box_corners(boxed.min(axis=0) - 1e-9, boxed.max(axis=0) + 1e-9) - p) @ R
-    return _Hull(vertices, faces, corners, _enclosing_capsule(vertices))
+    return _Hull(vertices, faces, corners, _enclosing_capsule(vertices, R))
 
 
 def make_shape(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pybullet
 import pybullet_data
 import pytest
@@ -17,9 +17,11 @@ from armtempo.robots import Arm, Tool, kernels
 
 Floats = NDArray[np.float64]
 
+pin: Any = pytest.importorskip("pinocchio")  # without types of its own
+
 DATA = Path(pybullet_data.getDataPath())
 PLANAR = Path(__file__).parents[2] / "configs" / "robots" / "planar_two_link.urdf"
-ROBOTS = {
+ROBOTS: dict[str, tuple[Path, str | None]] = {
     "planar": (PLANAR, None),
     "iiwa": (DATA / "kuka_iiwa" / "model.urdf", None),
     "panda": (DATA / "franka_panda" / "panda.urdf", "panda_grasptarget"),
@@ -27,11 +29,11 @@ ROBOTS = {
 SLIDER = """<robot name="slider">
   <link name="base"/>
   <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><origin xyz="0.1 0 0.2" rpy="0.3 0 0"/>
-    <axis xyz="0 2 1"/><limit lower="-1" upper="1" effort="10" velocity="2"/><dynamics damping="1.5"/></joint>
+    <axis xyz="0 0.6 0.8"/><limit lower="-1" upper="1" effort="10" velocity="2"/><dynamics damping="1.5"/></joint>
   <link name="cart"><inertial><origin xyz="0.02 0.01 0"/><mass value="2"/>
     <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.02" iyz="0.002" izz="0.03"/></inertial></link>
   <joint name="turn" type="continuous"><parent link="cart"/><child link="beam"/><origin xyz="0 0 0.1" rpy="0 0.2 0.5"/>
-    <axis xyz="1 1 0"/><limit effort="5" velocity="3"/><dynamics damping="0.7"/></joint>
+    <axis xyz="0.6 -0.8 0"/><limit effort="5" velocity="3"/><dynamics damping="0.7"/></joint>
   <link name="beam"><inertial><origin xyz="0.1 0 0.05" rpy="0.1 0.2 0.3"/><mass value="1.5"/>
     <inertia ixx="0.02" ixy="0" ixz="0.001" iyy="0.01" iyz="0" izz="0.015"/></inertial></link>
   <joint name="reach" type="prismatic"><parent link="beam"/><child link="hand"/><origin xyz="0.3 0 0"/>
@@ -78,7 +80,7 @@ def states(arm: Arm, count: int = 20) -> tuple[Floats, Floats, Floats]:
     return q, generator.normal(size=q.shape), generator.normal(size=q.shape)
 
 
-def pinocchio_model(arm: Arm) -> tuple[pin.Model, pin.Data]:
+def pinocchio_model(arm: Arm) -> tuple[Any, Any]:
     text = arm.urdf.read_text().replace("<capsule ", "<cylinder ")  # its parser refuses PyBullet's capsules
     model = pin.buildModelFromXML(text.replace('type="continuous"', 'type="revolute"'))
     held = [model.getJointId(name) for name in model.names[1:] if name not in arm.joint_names]
@@ -299,6 +301,12 @@ def test_tool_merges_into_the_last_link() -> None:
     np.testing.assert_allclose(arm.shapes[-1].T_link_shape, T)
 
 
+def test_axes_are_normalised(tmp_path: Path, files: dict[str, tuple[Path, str | None]]) -> None:
+    long = tmp_path / "long.urdf"
+    long.write_text(SLIDER.replace("0 0.6 0.8", "0 3 4").replace("0.6 -0.8 0", "3 -4 0"))
+    np.testing.assert_allclose(Arm.from_urdf(long).model.axis, Arm.from_urdf(files["slider"][0]).model.axis, atol=1e-15)
+
+
 def test_limits_can_be_replaced() -> None:
     arm = Arm.from_urdf(PLANAR, torque_max=[None, 3.0], speed_max=[2, 4], position_limits=[None, (-1, 2)])
     np.testing.assert_array_equal(arm.torque_max, [25, 3])
@@ -335,9 +343,9 @@ def test_bad_joint_positions_are_refused() -> None:
     for q in (1.0, [1.0], [1.0, 2.0, 3.0], np.zeros((2, 3))):
         with pytest.raises(RobotError, match="one value per joint"):
             arm.tip_pose(q)
-    for q in ([np.nan, 0.0], [np.inf, 0.0], [[0.0, 0.0], [0.0, -np.inf]]):
+    for bad in ([np.nan, 0.0], [np.inf, 0.0], [[0.0, 0.0], [0.0, -np.inf]]):
         with pytest.raises(RobotError, match="not finite"):
-            arm.jacobian(q)
+            arm.jacobian(bad)
     with pytest.raises(RobotError, match="make them agree"):
         arm.inverse_dynamics(np.zeros((3, 2)), np.zeros((4, 2)), np.zeros(2))
 

@@ -6,21 +6,23 @@ import inspect
 import math
 from itertools import product
 from pathlib import Path
+from typing import Any
 
-import coal
 import fcl
 import numpy as np
-import pinocchio as pin
 import pybullet_data
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from armtempo.errors import RobotError, UnknownNameError
 from armtempo.robots import Arm, Clearance, Shape, _clearance, kernels, shape_distance, static_shape
 
 Floats = NDArray[np.float64]
+
+coal: Any = pytest.importorskip("coal")  # without types of its own
 
 DATA = Path(pybullet_data.getDataPath())
 PLANAR = Path(__file__).parents[2] / "configs" / "robots" / "planar_two_link.urdf"
@@ -29,7 +31,7 @@ PANDA = DATA / "franka_panda" / "panda.urdf"
 
 def random_pose(generator: np.random.Generator, reach: float = 1.0) -> Floats:
     T = np.eye(4)
-    T[:3, :3] = pin.Quaternion(*(x := generator.normal(size=4)) / np.linalg.norm(x)).matrix()
+    T[:3, :3] = Rotation.random(rng=generator).as_matrix()
     T[:3, 3] = generator.uniform(-reach, reach, 3)
     return T
 
@@ -152,7 +154,7 @@ def test_segment_distance_of_nearly_parallel_segments() -> None:
         assert brute - 2e-4 < kernels.segment_distance(p0, p1, q0, q1) <= brute + 1e-12
 
 
-def coal_hull(shape: Shape) -> coal.Convex:
+def coal_hull(shape: Shape) -> Any:
     assert shape.vertices is not None
     points = coal.StdVec_Vec3s()
     for vertex in shape.vertices:

@@ -1,0 +1,190 @@
+"""Run policies in the environment and compare them with the sequential time and with the certified bound."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from armtempo.agents._baselines import POLICIES, make_policy
+from armtempo.agents._policy import Policy
+from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
+from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.planners import METHODS, Cell, Mode, Schedule, schedule
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyResult:
+    """What a policy did; means over the episodes that finished, worst cases over all. None where there is no number.
+
+    Attributes:
+        plan_makespan_s: Makespan of its plan [s].
+        makespan_s: Mean instant at which the last arm arrived [s].
+        saving_percent: Share of the sequential time (minimum times added) that it saves.
+        gap_percent: How far the simulated makespan is above the certified bound.
+        plan_gap_percent: How far that of the plan is.
+        min_clearance_m: Smallest distance of two arms at any tick [m].
+        torque_ratio_max: Largest |applied torque| / limit.
+        torque_demand_ratio_max: Largest |demanded torque| / limit, before clipping.
+        torque_clipped_fraction: Share of joint torques that were clipped by more than 0.1 % of their limit.
+        path_error_max_m: Largest distance of a tip from its reference on the path [m].
+        violations: Ticks with a clearance below d_min, all episodes together (an episode ends on its first).
+        finished: Episodes in which all arms arrived.
+        reward: Mean reward, all arms together.
+        planning_time_s: Time to plan [s]; on-line policies plan while they act.
+    """
+
+    plan_makespan_s: float | None
+    makespan_s: float | None
+    saving_percent: float | None
+    gap_percent: float | None
+    plan_gap_percent: float | None
+    min_clearance_m: float | None
+    torque_ratio_max: float
+    torque_demand_ratio_max: float
+    torque_clipped_fraction: float
+    path_error_max_m: float
+    violations: int
+    finished: int
+    reward: float
+    planning_time_s: float | None
+    trace: EpisodeTrace = field(repr=False)
+    schedule: Schedule | None = field(repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The numbers, by name."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("trace", "schedule")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """Policies compared in one cell.
+
+    Attributes:
+        cell: The cell.
+        physics: ``bullet`` or ``ideal``.
+        mode: ``speed`` or ``acceleration``.
+        episodes: Episodes per policy.
+        seed: Seed of the first episode.
+        master_late_s: How late the master started [s].
+        results: By policy.
+    """
+
+    cell: Cell
+    physics: Physics
+    mode: Mode
+    episodes: int
+    seed: int
+    master_late_s: float
+    results: dict[str, PolicyResult]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the traces, units in the keys."""
+        return {
+            "cell": self.cell.name,
+            "physics": self.physics,
+            "mode": self.mode,
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "master_late_s": self.master_late_s,
+            "d_min_m": self.cell.d_min,
+            "sequential_s": self.cell.sequential_makespan,
+            "lower_bound_s": self.cell.lower_bound,
+            "policies": {name: result.to_dict() for name, result in self.results.items()},
+        }
+
+
+def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -> tuple[EpisodeTrace, float]:
+    """One episode to its end; returns its trace and the sum of all rewards. ``env`` must have been made with ``record``."""
+    observations, _ = env.reset(seed=seed)
+    policy.reset(seed)
+    total = 0.0
+    while env.agents:
+        seen = {agent: observations[agent] for agent in env.agents}
+        observations, rewards, _, _, _ = env.step(policy.act(seen, env))
+        total += sum(rewards.values())
+    return env.trace, total
+
+
+def evaluate(
+    cell: Cell,
+    policies: Sequence[str] = POLICIES,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    physics: Physics = "bullet",
+    mode: Mode = "speed",
+    master_late_s: float = 0.0,
+    on_episode: Callable[[str, int], None] | None = None,
+) -> Evaluation:
+    """Run every policy for some episodes.
+
+    Args:
+        cell: Where.
+        policies: Names out of ``POLICIES``.
+        episodes: Episodes per policy; baselines other than ``random`` do the same in each.
+        seed: Seed of the first episode; the following ones count up.
+        physics: ``bullet`` or ``ideal``.
+        mode: ``speed`` or ``acceleration``.
+        master_late_s: How long the first arm stands at its start [s].
+        on_episode: Called with policy and episode number after each, for progress bars.
+
+    Raises:
+        UnknownNameError: A policy that does not exist; the message lists those that do.
+        InfeasibleError: A schedule that does not exist in this cell.
+    """
+    for name in policies:
+        if name not in POLICIES:
+            raise UnknownNameError("policy", name, POLICIES)
+    if episodes < 1:
+        raise ConfigError(f"episodes must be at least 1, got {episodes}")
+    env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
+    try:
+        results = {name: _evaluate_one(env, name, episodes, seed, on_episode) for name in policies}
+    finally:
+        env.close()
+    return Evaluation(
+        cell=cell, physics=physics, mode=mode, episodes=episodes, seed=seed, master_late_s=master_late_s, results=results
+    )
+
+
+def _evaluate_one(
+    env: CoordinationEnv, name: str, episodes: int, seed: int, on_episode: Callable[[str, int], None] | None
+) -> PolicyResult:
+    cell = env.cell
+    began = time.perf_counter()
+    plan = schedule(cell, name) if name in METHODS else None
+    planning = time.perf_counter() - began if plan is not None else None
+    policy = make_policy(name, cell, plan)
+    traces, rewards = [], []
+    for episode in range(episodes):
+        trace, reward = run_episode(env, policy, seed + episode)
+        traces.append(trace)
+        rewards.append(reward)
+        if on_episode is not None:
+            on_episode(name, episode)
+    makespans = [trace.makespan for trace in traces if math.isfinite(trace.makespan) and not trace.violations]
+    makespan = float(np.mean(makespans)) if makespans else None
+    clearance = min(float(trace.clearance.min()) for trace in traces)
+    return PolicyResult(
+        plan_makespan_s=plan.makespan if plan is not None else None,
+        makespan_s=makespan,
+        saving_percent=None if makespan is None else 100.0 * (1.0 - makespan / cell.sequential_makespan),
+        gap_percent=None if makespan is None else 100.0 * (makespan / cell.lower_bound - 1.0),
+        plan_gap_percent=plan.gap_percent if plan is not None else None,
+        min_clearance_m=clearance if math.isfinite(clearance) else None,
+        torque_ratio_max=max(trace.torque_ratio_max for trace in traces),
+        torque_demand_ratio_max=max(trace.torque_demand_ratio_max for trace in traces),
+        torque_clipped_fraction=float(np.mean([trace.torque_clipped_fraction for trace in traces])),
+        path_error_max_m=max(float(trace.path_error.max()) for trace in traces),
+        violations=sum(trace.violations for trace in traces),
+        finished=len(makespans),
+        reward=float(np.mean(rewards)),
+        planning_time_s=planning,
+        trace=traces[0],
+        schedule=plan,
+    )

@@ -1,0 +1,32 @@
+"""Environments: arms on given paths in PyBullet, clearance by FCL, through Gymnasium and PettingZoo."""
+
+from __future__ import annotations
+
+from armtempo.envs import coordination_v0
+from armtempo.envs._coordination import CoordinationEnv, as_actions
+from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table
+from armtempo.envs._renderer import Renderer
+from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
+from armtempo.envs._yielding import YieldingEnv
+
+__all__ = [
+    "ENTRIES",
+    "MODES",
+    "OTHER",
+    "OTHERS",
+    "OWN",
+    "PHYSICS",
+    "CoordinationEnv",
+    "Entry",
+    "EpisodeTrace",
+    "Physics",
+    "Renderer",
+    "Simulation",
+    "YieldingEnv",
+    "as_actions",
+    "coordination_v0",
+    "observation_table",
+]
+
+for _env in (CoordinationEnv, YieldingEnv):
+    _env.__doc__ = (_env.__doc__ or "").replace("{table}", observation_table())

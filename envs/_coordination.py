@@ -1,0 +1,177 @@
+"""Several arms move along given paths; each agent decides how fast its own arm goes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar, final
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import seeding
+from numpy.typing import ArrayLike, NDArray
+from pettingzoo import ParallelEnv
+
+from armtempo.envs._episode import Episode, agent_names, as_cell, read_action
+from armtempo.envs._observation import action_space, observation_space
+from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
+from armtempo.errors import ActionError, ConfigError
+from armtempo.planners import Cell, Mode
+
+Observation = NDArray[np.float32]
+
+
+@final
+class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
+    """Arms on given paths in one workspace, one agent per arm (``arm_0``, ``arm_1``, ... in priority order).
+
+    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the end of
+    the path unreachable. With ``f = (a + 1) / 2``:
+
+    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path speed
+      from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
+    - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
+
+    **Observation**, Box, (17,) float32, the same for every cell:
+
+    {table}
+
+    **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
+    instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
+
+    **Start**: all arms at rest at the start of their paths; ``master_late_s`` holds the first one there for that time.
+
+    **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the tick; in
+    ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of the goal
+    below 10 mm/s for 20 ms. All terminate when FCL finds two arms closer than ``d_min`` at any tick. The episode is
+    *truncated* at five times the sequential time.
+
+    Args:
+        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        physics: ``bullet`` or ``ideal``.
+        mode: ``speed`` or ``acceleration``.
+        render_mode: ``rgb_array`` (works without a display), ``human`` or None.
+        master_late_s: How long the first arm stands before it obeys its agent [s].
+        max_episode_s: Time limit [s] instead of five sequential times.
+        record: Keep an ``EpisodeTrace``.
+
+    Version history:
+        v0: first release.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "coordination_v0",
+        "render_modes": render_modes(),
+        "render_fps": 25,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        cell: Cell | str | Path = "lee1991",
+        *,
+        physics: Physics = "bullet",
+        mode: Mode = "speed",
+        render_mode: str | None = None,
+        master_late_s: float = 0.0,
+        max_episode_s: float | None = None,
+        record: bool = False,
+    ) -> None:
+        check_render_mode(render_mode)
+        if not (np.isfinite(master_late_s) and master_late_s >= 0.0):
+            raise ConfigError(f"master_late_s must be a time in seconds, got {master_late_s}", remedy="give 0 or more")
+        self.cell = as_cell(cell)
+        self.physics, self.mode, self.render_mode = physics, mode, render_mode
+        self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
+        self.master_late_s = float(master_late_s)
+        self.possible_agents = agent_names(self.cell.arms)
+        self.agents: list[str] = []
+        self.observation_spaces = {agent: observation_space() for agent in self.possible_agents}
+        self.action_spaces = {agent: action_space() for agent in self.possible_agents}
+        self._renderer: Renderer | None = None
+        self.np_random, self.np_random_seed = seeding.np_random(None)
+
+    @property
+    def simulation(self) -> Simulation:
+        """The world below: positions, speeds, time."""
+        return self._episode.simulation
+
+    @property
+    def trace(self) -> EpisodeTrace:
+        """What happened since the reset; needs ``record=True``."""
+        return self.simulation.trace()
+
+    def observation_space(self, agent: str) -> Box:
+        """Box (17,) float32."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Box:
+        """Box(-1, 1, (1,)) float32."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Put all arms at the start of their paths. ``options``: ``master_late_s`` for this episode; others are ignored."""
+        if seed is not None:
+            self.np_random, self.np_random_seed = seeding.np_random(seed)
+        late = np.zeros(len(self.possible_agents))
+        late[0] = float((options or {}).get("master_late_s", self.master_late_s))
+        self._episode.reset(late)
+        self.agents = self.possible_agents[:]
+        if self.render_mode == "human":
+            self.render()
+        rows = self.simulation.observe()
+        return {agent: rows[i] for i, agent in enumerate(self.agents)}, {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: dict[str, NDArray[np.float32]]
+    ) -> tuple[
+        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:
+        """Run one control period. Arms that have arrived need no action.
+
+        Raises:
+            ActionError: An action is missing, of the wrong shape or not finite, or the episode is over.
+        """
+        if not self.agents:
+            raise ActionError("the episode is over", remedy="call reset before step")
+        commands = np.ones(len(self.possible_agents))  # an arm at its goal stays there
+        for agent in self.agents:
+            if agent not in actions:
+                raise ActionError(f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent)
+            commands[self.possible_agents.index(agent)] = read_action(actions[agent], agent)
+        self._episode.step(commands)
+        rows = self.simulation.observe()
+        observations, rewards, terminations, truncations, infos = {}, {}, {}, {}, {}
+        for agent in self.agents:
+            i = self.possible_agents.index(agent)
+            observations[agent] = rows[i].copy()
+            rewards[agent], terminations[agent], truncations[agent], infos[agent] = self._episode.outcome(i)
+        self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
+        if self.render_mode == "human":
+            self.render()
+        return observations, rewards, terminations, truncations, infos
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self.cell, self.render_mode)
+        return self._renderer.render(self.simulation.joint_positions())
+
+    def state(self) -> NDArray[np.float32]:
+        """All observations in one vector."""
+        return self.simulation.observe().ravel()
+
+    def close(self) -> None:
+        """Leave PyBullet; may be called twice."""
+        self.simulation.close()
+        if self._renderer is not None:
+            self._renderer.close()
+
+
+def as_actions(commands: ArrayLike) -> NDArray[np.float32]:
+    """Commands in [0, 1] as actions in [-1, 1], one row (1,) per arm."""
+    return (2.0 * np.asarray(commands, dtype=np.float64) - 1.0).astype(np.float32).reshape(-1, 1)

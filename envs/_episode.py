@@ -1,0 +1,107 @@
+"""What both environments share: commands from actions, rewards, ends and infos of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.envs._reward import collision_reward, progress_reward, time_reward
+from armtempo.envs._simulation import Physics, Simulation
+from armtempo.errors import ActionError, ConfigError
+from armtempo.planners import Cell, Mode, load_cell
+
+Array = NDArray[np.float64]
+
+TIME_LIMIT = 5.0  # sequential times after which an episode is truncated
+
+
+def as_cell(cell: Cell | str | Path) -> Cell:
+    """A built cell, or the bundled name or file to build it from."""
+    return cell if isinstance(cell, Cell) else load_cell(cell)
+
+
+def read_action(action: ArrayLike, agent: str) -> float:
+    """An action in [-1, 1] as a command in [0, 1]; values outside are clipped.
+
+    Raises:
+        ActionError: It is not one finite number.
+    """
+    value = np.asarray(action, dtype=np.float64)
+    if value.shape not in ((1,), ()) or not np.isfinite(value).all():
+        raise ActionError(
+            f"action of {agent} must be one finite number in an array of shape (1,), got {action!r}",
+            remedy="clip it to [-1, 1] and replace NaN before env.step",
+            agent=agent,
+            action=action,
+        )
+    return min(max(0.5 * (float(value.reshape(-1)[0]) + 1.0), 0.0), 1.0)
+
+
+@final
+class Episode:
+    """The state of an episode of one cell, above the simulation."""
+
+    def __init__(self, cell: Cell, *, physics: Physics, mode: Mode, record: bool, max_episode_s: float | None) -> None:
+        self.cell = cell
+        self.simulation = Simulation(cell, physics=physics, mode=mode, record=record)
+        self.reference_time = cell.sequential_makespan
+        self.time_limit = TIME_LIMIT * self.reference_time if max_episode_s is None else float(max_episode_s)
+        if not self.time_limit > 0.0:
+            raise ConfigError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+        self.lengths = [path.length for path in cell.paths]
+        self._start(len(cell.arms))
+
+    def _start(self, arms: int) -> None:
+        self._charged = [0.0] * arms
+        self._before = [0.0] * arms
+        self.running = [True] * arms
+        self.timed_out = False
+
+    def reset(self, late: ArrayLike) -> None:
+        """Start again; ``late`` (A,) [s]."""
+        self.simulation.reset(late)
+        self._start(len(self.lengths))
+
+    def step(self, commands: Array) -> None:
+        """Run one control period."""
+        self.simulation.step(commands)
+        self.timed_out = self.simulation.time >= self.time_limit - 1e-9
+
+    def outcome(self, i: int) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Reward, terminated, truncated and info of a running arm after a step."""
+        simulation, length = self.simulation, self.lengths[i]
+        position = float(simulation.lam[i])
+        arrival = float(simulation.arrival[i])
+        arrived = arrival == arrival  # not nan
+        until = arrival if arrived else simulation.time
+        terms = {
+            "progress": progress_reward(position - self._before[i], length),
+            "time": time_reward(until - self._charged[i], self.reference_time),
+            "collision": collision_reward(position, length) if simulation.violated else 0.0,
+        }
+        self._before[i], self._charged[i] = position, until
+        terminated = arrived or simulation.violated
+        truncated = self.timed_out and not terminated
+        self.running[i] = not (terminated or truncated)
+        info: dict[str, Any] = {
+            "lam": position,
+            "mu": float(simulation.mu[i]),
+            "time_s": simulation.time,
+            "min_clearance_m": simulation.min_clearance,
+            "reward_terms": terms,
+        }
+        if terminated or truncated:
+            info["is_success"] = arrived and not simulation.violated
+            info["violation"] = simulation.violated
+            if arrived:
+                info["arrival_s"] = arrival
+        return float(terms["progress"] + terms["time"] + terms["collision"]), terminated, truncated, info
+
+
+def agent_names(arms: Sequence[object]) -> list[str]:
+    """``arm_0``, ``arm_1``, ... in priority order."""
+    return [f"arm_{i}" for i in range(len(arms))]

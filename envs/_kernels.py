@@ -1,0 +1,205 @@
+"""Compiled loops of the environments: arms along their paths tick by tick, the joint controller, the observation.
+
+Arrays have one row per arm, padded to the largest number of joints.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs._world import State, World, clearance_of, edges_of, model_of, rows_of, table_of, to_go_of
+from armtempo.planners import path_point, phase_kernels, tabulated_clearance
+from armtempo.robots import ArmModel, kernels, njit
+
+Array = NDArray[np.float64]
+
+
+@njit
+def move(world: World, state: State, commands: Array, late: Array, time: float) -> None:
+    """One tick of every arm's reference; an arm that is ``late`` stands until that instant, whatever its command."""
+    for i in range(commands.shape[0]):
+        if not np.isnan(state.arrival[i]):
+            continue
+        dt = min(time + world.tick - late[i], world.tick)
+        if dt <= 1e-12:
+            continue
+        rows = rows_of(world, i)
+        lam, mu, used, _ = phase_kernels.advance(
+            rows, edges_of(world, i), state.lam[i], state.mu[i], commands[i], world.by_speed, dt, np.empty((0, 3)), 0
+        )
+        state.lam[i], state.mu[i] = lam, mu
+        if lam >= rows.station[-1]:
+            state.arrival[i] = time + (world.tick - dt) + used
+
+
+@njit
+def control(
+    world: World,
+    state: State,
+    commands: Array,
+    late: Array,
+    time: float,
+    gain: float,
+    measured: Array,
+    reference: Array,
+    demand: Array,
+    torque: Array,
+) -> None:
+    r"""One tick of references and of the joint controller, from ``measured`` (2, A, n) to ``torque`` (A, n).
+
+    PyBullet steps semi-implicitly: ``qd' = qd + dt qdd(q, qd, tau)``, ``q' = q + dt qd'``. On the plan, the acceleration
+    that lands on the next reference is its second difference, and the measured speed is the *backward* difference: with
+    both, a plan at the torque limits runs without a reserve. ``reference`` (3, A, n): before, now, next; shifted here.
+    """
+    dt = world.tick
+    arms = demand.shape[0]
+    move(world, state, commands, late, time)
+    for i in range(arms):
+        n = world.size[i, 1]
+        model = model_of(world, i)
+        reference[0, i], reference[1, i] = reference[1, i], reference[2, i]
+        path_point(table_of(world, i), state.lam[i], reference[2, i][:n])
+        q, qd, qdd = measured[0, i][:n], measured[1, i][:n], np.empty(n)
+        for j in range(n):
+            before, now, after = reference[0, i, j], reference[1, i, j], reference[2, i, j]
+            wanted = (after - 2.0 * now + before) / (dt * dt)
+            speed = (now - before) / dt
+            qdd[j] = wanted + gain * gain * (now - q[j]) + 2.0 * gain * (speed - qd[j])
+        kernels.inverse_dynamics(model, q, qd, qdd, demand[i][:n])
+        for j in range(n):
+            demand[i, j] += model.damping[j] * qd[j]
+            torque[i, j] = min(max(demand[i, j], -world.torque_max[i, j]), world.torque_max[i, j])
+
+
+@njit
+def tip_positions(world: World, q: Array, out: Array) -> None:
+    """Tips (A, 3) [m] at joint positions ``q`` (A, n)."""
+    for i in range(q.shape[0]):
+        out[i, 0], out[i, 1], out[i, 2] = _tip(model_of(world, i), q[i][: world.size[i, 1]])
+
+
+@njit
+def tracking_error(world: World, state: State, q: Array, error: Array) -> None:
+    """Distance [m] of every tip from its reference on the path, from measured ``q`` (A, n)."""
+    for i in range(q.shape[0]):
+        n, model = world.size[i, 1], model_of(world, i)
+        wanted = np.empty(n)
+        path_point(table_of(world, i), state.lam[i], wanted)
+        a, b = _tip(model, q[i][:n]), _tip(model, wanted)
+        error[i] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit
+def _tip(model: ArmModel, q: Array) -> tuple[float, float, float]:
+    n = model.mass.shape[0]
+    R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    kernels.link_frames(model, q, R, p)
+    t, last, origin = model.tip_p, R[n - 1], p[n - 1]
+    return (
+        origin[0] + last[0, 0] * t[0] + last[0, 1] * t[1] + last[0, 2] * t[2],
+        origin[1] + last[1, 0] * t[0] + last[1, 1] * t[1] + last[1, 2] * t[2],
+        origin[2] + last[2, 0] * t[0] + last[2, 1] * t[1] + last[2, 2] * t[2],
+    )
+
+
+@njit
+def _signed(share: float) -> float:
+    """[0, 1] to [-1, 1]."""
+    return 2.0 * min(max(share, 0.0), 1.0) - 1.0
+
+
+@njit
+def _progress(world: World, state: State, i: int) -> tuple[float, float, float]:
+    """Shares of the path, of ``mu*`` and of the minimum time still to go, as signed entries."""
+    rows = rows_of(world, i)
+    lam = state.lam[i]
+    k = phase_kernels.locate(rows.station, lam)
+    w = (lam - rows.station[k]) / (rows.station[k + 1] - rows.station[k])
+    to_go = to_go_of(world, i)
+    edge = phase_kernels.edge_speed(rows, edges_of(world, i), lam)
+    return (
+        _signed(lam / rows.station[-1]),
+        _signed(state.mu[i] / edge if edge > 0.0 else 0.0),
+        _signed((to_go[k] + w * (to_go[k + 1] - to_go[k])) / world.scale[i, 0]),
+    )
+
+
+@njit
+def _next_region(world: World, state: State, i: int, j: int) -> tuple[float, float]:
+    """How far arm i is from the next region that arm j has not released, and how far j must go; shares of their paths."""
+    rows = world.last_occupied.shape[2]
+    here = state.lam[i] / rows_of(world, i).station[-1]
+    for row in range(min(int(here * rows), rows - 1), rows):
+        if world.last_occupied[i, j, row] >= state.lam[j]:
+            still = world.last_occupied[i, j, row] - state.lam[j]
+            return max(row / rows - here, 0.0), still / rows_of(world, j).station[-1]
+    return 1.0, 0.0
+
+
+@njit
+def observe(world: World, state: State, others: int, own_size: int, other_size: int, out: NDArray[np.float32]) -> None:
+    """Write the observations (A, size) of all arms in the order of ``ENTRIES`` (see ``_observation``)."""
+    arms = state.lam.shape[0]
+    progress = np.empty((arms, 3))
+    for i in range(arms):
+        progress[i, 0], progress[i, 1], progress[i, 2] = _progress(world, state, i)
+    out[:] = 0.0
+    for i in range(arms):
+        lowest, highest = phase_kernels.acceleration_bounds(rows_of(world, i), state.lam[i], state.mu[i] ** 2)
+        out[i, 0], out[i, 1], out[i, 4] = progress[i, 0], progress[i, 1], progress[i, 2]
+        out[i, 2] = min(max(lowest / world.scale[i, 1], -1.0), 1.0)
+        out[i, 3] = min(max(highest / world.scale[i, 1], -1.0), 1.0)
+        taken = np.zeros(arms, np.bool_)
+        taken[i] = True
+        for slot in range(min(others, arms - 1)):
+            best, distance, release = -1, np.inf, 0.0
+            for j in range(arms):
+                if not taken[j]:
+                    way, still = _next_region(world, state, i, j)
+                    if way < distance:
+                        best, distance, release = j, way, still
+            taken[best] = True
+            base = own_size + slot * other_size
+            out[i, base], out[i, base + 1], out[i, base + 2] = 1.0, _signed(distance), _signed(release)
+            out[i, base + 3], out[i, base + 4], out[i, base + 5] = progress[best, 0], progress[best, 1], progress[best, 2]
+
+
+@njit
+def run_ideal(
+    world: World,
+    state: State,
+    d_min: float,
+    commands: Array,
+    late: Array,
+    first_tick: int,
+    ticks: int,
+    record: Array,
+    others: int,
+    own_size: int,
+    other_size: int,
+    observation: NDArray[np.float32],
+) -> tuple[int, bool, float]:
+    """Run ticks without physics; stops at the first one that ends closer than ``d_min``.
+
+    ``record`` (ticks, 2 A + 1): lam, mu of all arms, clearance; ``observation``: as ``observe``, in the same call because
+    calls cost more than ticks. Returns ticks run, whether one violated, and the smallest
+    clearance.
+    """
+    arms = commands.shape[0]
+    ran, violated, smallest = ticks, False, np.inf
+    for k in range(ticks):
+        move(world, state, commands, late, (first_tick + k) * world.tick)
+        nearest = np.inf
+        for p in range(world.clearance.shape[0]):
+            i, j = world.clearance[p, 0], world.clearance[p, 1]
+            nearest = min(nearest, tabulated_clearance(clearance_of(world, p), state.lam[i], state.lam[j]))
+        for i in range(arms):
+            record[k, i], record[k, arms + i] = state.lam[i], state.mu[i]
+        record[k, 2 * arms] = nearest
+        smallest = min(smallest, nearest)
+        if nearest < d_min:
+            ran, violated = k + 1, True
+            break
+    observe(world, state, others, own_size, other_size, observation)
+    return ran, violated, smallest

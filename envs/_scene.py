@@ -1,0 +1,150 @@
+"""A cell's arms in a PyBullet client: loaded once, moved by joint states, the same bodies as the planners'."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, final
+from xml.etree import ElementTree
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from armtempo.errors import RobotError
+from armtempo.planners import Cell
+from armtempo.robots import Arm
+
+Array = NDArray[np.float64]
+
+_FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those of the collision shapes
+
+
+@final
+class Scene:
+    """The arms of a cell in a PyBullet client of their own.
+
+    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), damping that the URDF
+    does not ask for is 0, and the default motors are off.
+
+    Args:
+        cell: What to load.
+        window: Open PyBullet's window instead of working unseen.
+    """
+
+    def __init__(self, cell: Cell, *, window: bool = False) -> None:
+        self.cell = cell
+        self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
+        if self.client < 0:
+            raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
+        self.bodies: list[int] = []
+        self.joints: list[list[int]] = []
+        for arm in cell.arms:
+            body = self._load(arm)
+            self.bodies.append(body)
+            index = {
+                pybullet.getJointInfo(body, j, physicsClientId=self.client)[1].decode(): j
+                for j in range(pybullet.getNumJoints(body, physicsClientId=self.client))
+            }
+            self.joints.append([index[name] for name in arm.joint_names])
+            self._calm(body, self.joints[-1])
+
+    def _load(self, arm: Arm) -> int:
+        x, y, z, w = _quat_xyzw(arm.T_world_base[:3, :3])
+        with tempfile.TemporaryDirectory() as folder:
+            file = _with_tool(self.cell, arm, Path(folder))
+            try:
+                body: int = pybullet.loadURDF(
+                    str(file), list(arm.T_world_base[:3, 3]), [x, y, z, w], useFixedBase=True, flags=_FLAGS,
+                    physicsClientId=self.client,
+                )  # fmt: skip
+            except pybullet.error as error:
+                raise RobotError(
+                    f"PyBullet cannot load {arm.urdf}: {error}", remedy="check the file and its meshes", file=str(arm.urdf)
+                ) from None
+        return body
+
+    def _calm(self, body: int, driven: list[int]) -> None:
+        client = self.client
+        for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+            pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
+            pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
+        for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
+            if pybullet.getJointInfo(body, joint, physicsClientId=client)[2] != pybullet.JOINT_FIXED:
+                held = joint not in driven
+                pybullet.setJointMotorControl2(
+                    body, joint, pybullet.POSITION_CONTROL if held else pybullet.VELOCITY_CONTROL, targetPosition=0.0,
+                    force=1e4 if held else 0.0, physicsClientId=client,
+                )  # fmt: skip
+
+    def place(self, q: Array) -> None:
+        """Put every arm at rest at ``q`` (A, n)."""
+        for body, joints, row in zip(self.bodies, self.joints, q.tolist(), strict=True):
+            for joint, value in zip(joints, row, strict=False):
+                pybullet.resetJointState(body, joint, value, 0.0, physicsClientId=self.client)
+
+    def read(self, q: Array, qd: Array) -> None:
+        """Write positions and speeds of all arms to ``q``, ``qd`` (A, n)."""
+        for i, (body, joints) in enumerate(zip(self.bodies, self.joints, strict=True)):
+            for j, state in enumerate(pybullet.getJointStates(body, joints, physicsClientId=self.client)):
+                q[i, j], qd[i, j] = state[0], state[1]
+
+    def push(self, torque: Array) -> None:
+        """Apply ``torque`` (A, n) for the next step and make it."""
+        for body, joints, row in zip(self.bodies, self.joints, torque.tolist(), strict=True):
+            pybullet.setJointMotorControlArray(
+                body, joints, pybullet.TORQUE_CONTROL, forces=row[: len(joints)], physicsClientId=self.client
+            )
+        pybullet.stepSimulation(physicsClientId=self.client)
+
+    def close(self) -> None:
+        """Leave PyBullet; may be called twice."""
+        if self.client >= 0:
+            pybullet.disconnect(self.client)
+            self.client = -1
+
+
+def display_available() -> bool:
+    """Whether a window could be opened; PyBullet would end the process if it cannot."""
+    return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
+
+
+def _quat_xyzw(R: Array) -> tuple[float, float, float, float]:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    return float(x), float(y), float(z), float(w)
+
+
+def _with_tool(cell: Cell, arm: Arm, folder: Path) -> Path:
+    """The arm's URDF, or a copy in ``folder`` with the cell's tool bolted to its tip."""
+    config = next(config for config in cell.config.arms if config.name == arm.name)
+    if config.tool is None:
+        return arm.urdf
+    tree = ElementTree.parse(arm.urdf)
+    for mesh in tree.iter("mesh"):
+        name = mesh.get("filename", "")
+        if "://" not in name:
+            mesh.set("filename", str((arm.urdf.parent / name).resolve()))
+    root = tree.getroot()
+    link = ElementTree.SubElement(root, "link", name="armtempo_tool")
+    if config.tool.mass_kg > 0.0:
+        inertial = ElementTree.SubElement(link, "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, config.tool.com_m)))
+        ElementTree.SubElement(inertial, "mass", value=repr(config.tool.mass_kg))
+        names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        values: dict[str, Any] = {name: repr(v) for name, v in zip(names, config.tool.inertia_kgm2, strict=True)}
+        ElementTree.SubElement(inertial, "inertia", **values)
+    else:  # PyBullet takes a link without an inertial for 1 kg
+        inertial = ElementTree.SubElement(link, "inertial")
+        ElementTree.SubElement(inertial, "mass", value="0")
+        zeros: dict[str, Any] = {name: "0" for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+        ElementTree.SubElement(inertial, "inertia", **zeros)
+    joint = ElementTree.SubElement(root, "joint", name="armtempo_tool_joint", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=arm.tip_link)
+    ElementTree.SubElement(joint, "child", link="armtempo_tool")
+    file = folder / "arm.urdf"
+    tree.write(file)
+    return file

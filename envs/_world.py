@@ -1,0 +1,167 @@
+"""A cell as one flat buffer: what compiled loops of the environments need, at little cost per call.
+
+Handing sixty arrays to a compiled function costs more than a control period of two arms; a buffer and its offsets cost
+little, and the functions below cut the arrays out again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.planners import Cell, ClearanceTable, Mode, PathTable, phase_kernels
+from armtempo.robots import ArmModel, njit
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Fields of the buffer, per arm: ten of the phase plane, the time to go, five of the path table, twelve of the arm.
+_ROWS, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 10, 11, 16, 28
+
+
+class World(NamedTuple):
+    """What does not change during an episode; A arms, n joints at most, R rows of the chart."""
+
+    buffer: Array
+    offset: Ints  # (A, 28) where each field of an arm begins
+    size: Ints  # (A, 3) stations, joints, stations of the path table
+    prismatic: NDArray[np.bool_]  # (A, n)
+    torque_max: Array  # (A, n) true limits; plans may keep a reserve
+    scale: Array  # (A, 2) minimum time [s], acceleration that counts as 1
+    last_occupied: Array  # (A, A, R) [i, j, row]: how far arm j goes before arm i's row is free for good; < 0: it is
+    clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
+    nodes: int
+    by_speed: bool
+    tick: float
+
+
+class State(NamedTuple):
+    """What does: one entry per arm."""
+
+    lam: Array
+    mu: Array
+    arrival: Array  # instant at which the reference arrived [s], nan before
+
+
+def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceTable]] = ()) -> World:
+    """Pack a cell; ``clearances``: (i, j, table) per pair of arms."""
+    parts: list[Array] = []
+    length = 0
+    arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
+    offset, size = np.zeros((arms, _FIELDS), dtype=np.int64), np.zeros((arms, 3), dtype=np.int64)
+    prismatic, torque_max = np.zeros((arms, width), dtype=np.bool_), np.zeros((arms, width))
+
+    def put(array: Array) -> int:
+        nonlocal length
+        parts.append(np.ascontiguousarray(array, dtype=np.float64).ravel())
+        length += parts[-1].size
+        return length - parts[-1].size
+
+    for i, (arm, plane, path, motion) in enumerate(zip(cell.arms, cell.planes, cell.paths, cell.fastest, strict=True)):
+        table = path.table()
+        model = [field for name, field in arm.model._asdict().items() if name != "prismatic"]
+        to_go = motion.duration - motion.time_at(plane.rows.station)
+        for k, field in enumerate([*plane.rows, *plane.edges, to_go, *table, *model]):
+            offset[i, k] = put(field)
+        size[i] = len(plane.rows.station), arm.dof, len(table.station)
+        prismatic[i, : arm.dof], torque_max[i, : arm.dof] = arm.model.prismatic, arm.torque_max
+    places = [(i, j, put(table.distance)) for i, j, table in clearances]
+    minimum = np.array([motion.duration for motion in cell.fastest])
+    lengths = np.array([path.length for path in cell.paths])
+    last = np.full((arms, arms, cell.chart.resolution if arms == 2 else 1), -1.0)
+    if arms == 2:
+        for i, chart in ((1, cell.chart), (0, cell.chart.swapped)):
+            border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
+            last[i, 1 - i] = np.where(chart.last_column >= 0, border, -1.0)
+    return World(
+        buffer=np.concatenate(parts),
+        offset=offset,
+        size=size,
+        prismatic=prismatic,
+        torque_max=torque_max,
+        scale=np.stack([minimum, 8.0 * lengths / minimum**2], axis=1),
+        last_occupied=last,
+        clearance=np.array(places, dtype=np.int64).reshape(-1, 3),
+        nodes=len(clearances[0][2].distance) if clearances else 0,
+        by_speed=mode == "speed",
+        tick=cell.physics_tick,
+    )
+
+
+@njit
+def rows_of(world: World, i: int) -> phase_kernels.Rows:
+    """The limits along arm i's path."""
+    N, n, o, b = world.size[i, 0], world.size[i, 1], world.offset[i], world.buffer
+    return phase_kernels.Rows(
+        b[o[0] : o[0] + N],
+        b[o[1] : o[1] + N * n].reshape(N, n),
+        b[o[2] : o[2] + N * n].reshape(N, n),
+        b[o[3] : o[3] + N * n].reshape(N, n),
+        b[o[4] : o[4] + N * n].reshape(N, n),
+        b[o[5] : o[5] + N],
+    )
+
+
+@njit
+def edges_of(world: World, i: int) -> phase_kernels.Edges:
+    """The controllable set of arm i."""
+    N, o, b = world.size[i, 0], world.offset[i], world.buffer
+    return phase_kernels.Edges(
+        b[o[6] : o[6] + N], b[o[7] : o[7] + N], b[o[8] : o[8] + N - 1], b[o[9] : o[9] + N - 1]
+    )
+
+
+@njit
+def to_go_of(world: World, i: int) -> Array:
+    """Minimum time from each station of arm i to its end [s]."""
+    o = world.offset[i, _TO_GO]
+    return world.buffer[o : o + world.size[i, 0]]
+
+
+@njit
+def table_of(world: World, i: int) -> PathTable:
+    """The joint path of arm i."""
+    n, K, o, b = world.size[i, 1], world.size[i, 2], world.offset[i], world.buffer
+    f = _TABLE
+    return PathTable(
+        b[o[f] : o[f] + K],
+        b[o[f + 1] : o[f + 1] + K * n].reshape(K, n),
+        b[o[f + 2] : o[f + 2] + K * n].reshape(K, n),
+        b[o[f + 3] : o[f + 3] + K * n].reshape(K, n),
+        b[o[f + 4] : o[f + 4] + K * n].reshape(K, n),
+    )
+
+
+@njit
+def model_of(world: World, i: int) -> ArmModel:
+    """The rigid bodies of arm i."""
+    n, o, b = world.size[i, 1], world.offset[i], world.buffer
+    f = _MODEL
+    return ArmModel(
+        b[o[f] : o[f] + 9 * n].reshape(n, 3, 3),
+        b[o[f + 1] : o[f + 1] + 3 * n].reshape(n, 3),
+        b[o[f + 2] : o[f + 2] + 3 * n].reshape(n, 3),
+        world.prismatic[i][:n],
+        b[o[f + 3] : o[f + 3] + n],
+        b[o[f + 4] : o[f + 4] + 3 * n].reshape(n, 3),
+        b[o[f + 5] : o[f + 5] + 9 * n].reshape(n, 3, 3),
+        b[o[f + 6] : o[f + 6] + n],
+        b[o[f + 7] : o[f + 7] + 3],
+        b[o[f + 8] : o[f + 8] + 9].reshape(3, 3),
+        b[o[f + 9] : o[f + 9] + 3],
+        b[o[f + 10] : o[f + 10] + 9].reshape(3, 3),
+        b[o[f + 11] : o[f + 11] + 3],
+    )
+
+
+@njit
+def clearance_of(world: World, p: int) -> ClearanceTable:
+    """The clearance table of pair p."""
+    i, j, o = world.clearance[p, 0], world.clearance[p, 1], world.clearance[p, 2]
+    K = world.nodes
+    length_i = world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]
+    length_j = world.buffer[world.offset[j, _ROWS] + world.size[j, 0] - 1]
+    return ClearanceTable(world.buffer[o : o + K * K].reshape(K, K), length_i, length_j)

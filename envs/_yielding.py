@@ -1,0 +1,137 @@
+"""One arm learns to yield: the same world with one learning arm and scripted others, as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar, final
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs._episode import Episode, as_cell, read_action
+from armtempo.envs._observation import action_space, observation_space
+from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
+from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.planners import Cell, Mode
+
+
+@final
+class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """One arm learns when to yield; the others run their paths in minimum time (``armtempo/Yielding-v0``).
+
+    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the end of
+    the path unreachable. With ``f = (a + 1) / 2``:
+
+    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path speed
+      from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
+    - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
+
+    **Observation**, Box, (17,) float32, the same for every cell:
+
+    {table}
+
+    **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
+    instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
+
+    **Start**: all arms at rest at the start of their paths; the first is late by ``master_late_s``, if a range is given
+    drawn anew for every episode.
+
+    **End**: *terminated* on arrival of the learning arm, and on a violation of ``d_min``; *truncated* at five times the
+    sequential time. Arrival and violation as in ``CoordinationEnv``.
+
+    Args:
+        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        learner: Name of the learning arm; None: the last one.
+        physics: ``bullet`` or ``ideal``.
+        mode: ``speed`` or ``acceleration``.
+        render_mode: ``rgb_array`` (works without a display), ``human`` or None.
+        master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
+        max_episode_s: Time limit [s] instead of five sequential times.
+        record: Keep an ``EpisodeTrace``.
+
+    Version history:
+        v0: first release.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": render_modes(), "render_fps": 25}
+
+    def __init__(
+        self,
+        cell: Cell | str | Path = "lee1991",
+        *,
+        learner: str | None = None,
+        physics: Physics = "bullet",
+        mode: Mode = "speed",
+        render_mode: str | None = None,
+        master_late_s: float | tuple[float, float] = 0.0,
+        max_episode_s: float | None = None,
+        record: bool = False,
+    ) -> None:
+        check_render_mode(render_mode)
+        low, high = master_late_s if isinstance(master_late_s, tuple | list) else (master_late_s, master_late_s)
+        if not (np.isfinite([low, high]).all() and 0.0 <= low <= high):
+            raise ConfigError(f"master_late_s must be a time or a range in seconds, got {master_late_s}", remedy="give 0 or more")
+        self.cell = as_cell(cell)
+        names = [arm.name for arm in self.cell.arms]
+        if learner is not None and learner not in names:
+            raise UnknownNameError("arm", learner, names)
+        self._own = len(names) - 1 if learner is None else names.index(learner)
+        self._late = (float(low), float(high))
+        self.render_mode = render_mode
+        self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+        self._renderer: Renderer | None = None
+
+    @property
+    def simulation(self) -> Simulation:
+        """The world below: positions, speeds, time."""
+        return self._episode.simulation
+
+    @property
+    def trace(self) -> EpisodeTrace:
+        """What happened since the reset; needs ``record=True``."""
+        return self.simulation.trace()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Put all arms at the start of their paths. ``options``: ``master_late_s`` for this episode; others are ignored."""
+        super().reset(seed=seed)
+        drawn = self.np_random.uniform(*self._late) if self._late[0] < self._late[1] else self._late[0]
+        late = np.zeros(len(self.cell.arms))
+        late[0] = float((options or {}).get("master_late_s", drawn))
+        self._episode.reset(late)
+        if self.render_mode == "human":
+            self.render()
+        return self.simulation.observe()[self._own], {"master_late_s": late[0].item()}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Run one control period.
+
+        Raises:
+            ActionError: The action is not one finite number.
+        """
+        commands = np.ones(len(self.cell.arms))
+        commands[self._own] = read_action(action, self.cell.arms[self._own].name)
+        self._episode.step(commands)
+        reward, terminated, truncated, info = self._episode.outcome(self._own)
+        if self.render_mode == "human":
+            self.render()
+        return self.simulation.observe()[self._own], reward, terminated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self.cell, self.render_mode)
+        return self._renderer.render(self.simulation.joint_positions())
+
+    def close(self) -> None:
+        """Leave PyBullet; may be called twice."""
+        self.simulation.close()
+        if self._renderer is not None:
+            self._renderer.close()

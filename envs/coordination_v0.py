@@ -1,0 +1,20 @@
+"""``coordination_v0``: several arms on given paths, one agent each; PettingZoo's usual entry points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.env import AECEnv
+
+from armtempo.envs._coordination import CoordinationEnv
+
+__all__ = ["CoordinationEnv", "env", "parallel_env", "raw_env"]
+
+parallel_env = CoordinationEnv
+raw_env = CoordinationEnv
+
+
+def env(**options: Any) -> AECEnv[str, Any, Any]:
+    """The same environment in turns (AEC); options as ``parallel_env``."""
+    return parallel_to_aec(CoordinationEnv(**options))
