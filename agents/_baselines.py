@@ -22,6 +22,7 @@ from armtempo.planners import METHODS, Cell, Schedule, VelocityControl, schedule
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
 _BISECTIONS = 30
+_CATCH_UP = 0.5  # of a period: a larger lag of the first arm stops its clock
 _AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 
 
@@ -123,9 +124,9 @@ class VciPolicy:
 class SchedulePolicy:
     """Executes a schedule by precedence.
 
-    The arm that goes first follows its own motion from wherever it is. The second follows the clock of the first: the
-    planned time of the position at which it *is*, so it is released by the first arm's lambda, and never gets farther
-    ahead of it than planned.
+    The arm that goes first follows its own motion, and waits for itself when it is held up. The second follows the clock of
+    the first: the planned time of the position at which that one *is*, so it is released by the first arm's lambda, and
+    never gets farther ahead of it than planned.
     """
 
     def __init__(self, plan: Schedule) -> None:
@@ -133,23 +134,29 @@ class SchedulePolicy:
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
-        """Set the clock of the plan back."""
-        self._clock = 0.0
+        """Set the clocks of the plan back."""
+        self._leading: float | None = None
+        self._following = 0.0
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """For every arm the command that brings it to, not past, its planned position at the end of the period."""
         plan, period = self.plan, env.cell.control_period
         states = _states(env.cell, observations)
         leader = plan.order[0]
-        lam = states[leader][0]
-        if lam < plan.trajectories[leader].lam[-1] * (1.0 - 1e-6):
-            self._clock = float(plan.trajectories[leader].time_at(lam))
+        motion, lam = plan.trajectories[leader], states[leader][0]
+        planned = float(motion.time_at(lam))  # when the plan has the leader where it is
+        if lam < motion.lam[-1] * (1.0 - 1e-6):
+            self._following = planned
         else:
-            self._clock = max(self._clock + period, plan.trajectories[leader].duration)
+            self._following = max(self._following + period, motion.duration)
+        # The leader's own clock runs on through small lags, so that they are caught up; it waits when it is held.
+        ahead = 0.0 if self._leading is None else self._leading + period
+        self._leading = min(ahead, planned + _CATCH_UP * period)
         actions = {}
         for agent in observations:
             arm = int(agent.rsplit("_", 1)[1])
-            actions[agent] = to_action(self._command(env, arm, *states[arm], self._clock))
+            clock = self._leading if arm == leader else self._following
+            actions[agent] = to_action(self._command(env, arm, *states[arm], clock))
         return actions
 
     def _command(self, env: CoordinationEnv, arm: int, lam: float, mu: float, clock: float) -> float:

@@ -226,6 +226,11 @@ def advance(
         here = edges.high[i] + w * (edges.high_next[i] - edges.high[i])
         if i == last - 1 and step == left and x < 0.25 * goal_share * here:
             step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
+        elif i == last - 1 and step == left and by_speed and x > goal_share * here:
+            # too fast for the command: brake until the target is met, which also runs down to the end
+            meet = (x - goal_share * here) / (-2.0 * u_low - goal_share * here / left)
+            if 0.0 < meet < left and goal_share > 0.0:
+                step = meet
         w_next = 1.0 if step == left else w + step / width
         x_edge = edges.high[i] + w_next * (edges.high_next[i] - edges.high[i])
         x_floor = edges.low[i] + w_next * (edges.low_next[i] - edges.low[i])
