@@ -1,7 +1,8 @@
 """Baseline policies: the planners of the field, acting through the same door as learned agents.
 
 ``phase-plane``  every arm runs its path in minimum time, whatever the others do
-``vci``          velocity control intervals (Lee1991 section 2.4), on line: planned anew in every control period from what is seen
+``vci``          velocity control intervals (Lee1991 section 2.4), on line: planned anew in every control period from
+what is seen
 ``random``       uniform actions
 and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``optimal``), executed by
 precedence: the arm that goes second is released by how far the first *is*, not by the clock.
@@ -77,8 +78,8 @@ class VciPolicy:
     """The master in minimum time, the slave by velocity control intervals, on line.
 
     The slave plans from what it sees, expecting the master to go on at full speed, and keeps to that plan as long as it
-    sees what it expected; else it plans anew. Every command is cut back until the slave could still brake behind a master
-    that brakes too: a master that is late, slow or stops costs time, never a collision.
+    sees what it expected; else it plans anew. Every command is cut back until the slave could still brake behind a
+    master that brakes too: a master that is late, slow or stops costs time, never a collision.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -124,9 +125,9 @@ class VciPolicy:
 class SchedulePolicy:
     """Executes a schedule by precedence.
 
-    The arm that goes first follows its own motion, and waits for itself when it is held up. The second follows the clock of
-    the first: the planned time of the position at which that one *is*, so it is released by the first arm's lambda, and
-    never gets farther ahead of it than planned.
+    The arm that goes first follows its own motion, and waits for itself when it is held up. The second follows the
+    clock of the first: the planned time of the position at which that one *is*, so it is released by the first arm's
+    lambda, and never gets farther ahead of it than planned.
     """
 
     def __init__(self, plan: Schedule) -> None:

@@ -99,7 +99,7 @@ class Evaluation:
 
 
 def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -> tuple[EpisodeTrace, float]:
-    """One episode to its end; returns its trace and the sum of all rewards. ``env`` must have been made with ``record``."""
+    """One episode to its end, in an ``env`` made with ``record``; returns its trace and the sum of all rewards."""
     observations, _ = env.reset(seed=seed)
     policy.reset(seed)
     total = 0.0
@@ -148,7 +148,13 @@ def evaluate(
     finally:
         env.close()
     return Evaluation(
-        cell=cell, physics=physics, mode=mode, episodes=episodes, seed=seed, master_late_s=master_late_s, results=results
+        cell=cell,
+        physics=physics,
+        mode=mode,
+        episodes=episodes,
+        seed=seed,
+        master_late_s=master_late_s,
+        results=results,
     )
 
 

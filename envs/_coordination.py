@@ -22,14 +22,14 @@ Observation = NDArray[np.float32]
 
 
 @final
-class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
+class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # type: ignore[misc]  # untyped library
     """Arms on given paths in one workspace, one agent per arm (``arm_0``, ``arm_1``, ... in priority order).
 
-    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the end of
-    the path unreachable. With ``f = (a + 1) / 2``:
+    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
+    end of the path unreachable. With ``f = (a + 1) / 2``:
 
-    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path speed
-      from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
+    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path
+      speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
 
     **Observation**, Box, (17,) float32, the same for every cell:
@@ -41,10 +41,10 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
 
     **Start**: all arms at rest at the start of their paths; ``master_late_s`` holds the first one there for that time.
 
-    **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the tick; in
-    ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of the goal
-    below 10 mm/s for 20 ms. All terminate when FCL finds two arms closer than ``d_min`` at any tick. The episode is
-    *truncated* at five times the sequential time.
+    **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the
+    tick; in ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of
+    the goal below 10 mm/s for 20 ms. All terminate when FCL finds two arms closer than ``d_min`` at any tick. The
+    episode is *truncated* at five times the sequential time.
 
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``Cell``.
@@ -112,7 +112,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Put all arms at the start of their paths. ``options``: ``master_late_s`` for this episode; others are ignored."""
+        """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
         late = np.zeros(len(self.possible_agents))
@@ -126,9 +126,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
 
     def step(
         self, actions: dict[str, NDArray[np.float32]]
-    ) -> tuple[
-        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
-    ]:
+    ) -> tuple[dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Run one control period. Arms that have arrived need no action.
 
         Raises:
@@ -139,7 +137,9 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):
         commands = np.ones(len(self.possible_agents))  # an arm at its goal stays there
         for agent in self.agents:
             if agent not in actions:
-                raise ActionError(f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent)
+                raise ActionError(
+                    f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent
+                )
             commands[self.possible_agents.index(agent)] = read_action(actions[agent], agent)
         self._episode.step(commands)
         rows = self.simulation.observe()

@@ -48,9 +48,10 @@ def control(
 ) -> None:
     r"""One tick of references and of the joint controller, from ``measured`` (2, A, n) to ``torque`` (A, n).
 
-    PyBullet steps semi-implicitly: ``qd' = qd + dt qdd(q, qd, tau)``, ``q' = q + dt qd'``. On the plan, the acceleration
-    that lands on the next reference is its second difference, and the measured speed is the *backward* difference: with
-    both, a plan at the torque limits runs without a reserve. ``reference`` (3, A, n): before, now, next; shifted here.
+    PyBullet steps semi-implicitly: ``qd' = qd + dt qdd(q, qd, tau)``, ``q' = q + dt qd'``. On the plan, the
+    acceleration that lands on the next reference is its second difference, and the measured speed is the *backward*
+    difference: with both, a plan at the torque limits runs without a reserve. ``reference`` (3, A, n): before, now,
+    next; shifted here.
     """
     dt = world.tick
     arms = demand.shape[0]
@@ -127,7 +128,7 @@ def _progress(world: World, state: State, i: int) -> tuple[float, float, float]:
 
 @njit
 def _next_region(world: World, state: State, i: int, j: int) -> tuple[float, float]:
-    """How far arm i is from the next region that arm j has not released, and how far j must go; shares of their paths."""
+    """How far arm i is from the next region that arm j has not released, and how far j must go (shares of paths)."""
     rows = world.last_occupied.shape[2]
     here = state.lam[i] / rows_of(world, i).station[-1]
     for row in range(min(int(here * rows), rows - 1), rows):
@@ -162,7 +163,11 @@ def observe(world: World, state: State, others: int, own_size: int, other_size: 
             taken[best] = True
             base = own_size + slot * other_size
             out[i, base], out[i, base + 1], out[i, base + 2] = 1.0, _signed(distance), _signed(release)
-            out[i, base + 3], out[i, base + 4], out[i, base + 5] = progress[best, 0], progress[best, 1], progress[best, 2]
+            out[i, base + 3], out[i, base + 4], out[i, base + 5] = (
+                progress[best, 0],
+                progress[best, 1],
+                progress[best, 2],
+            )
 
 
 @njit
@@ -182,9 +187,8 @@ def run_ideal(
 ) -> tuple[int, bool, float]:
     """Run ticks without physics; stops at the first one that ends closer than ``d_min``.
 
-    ``record`` (ticks, 2 A + 1): lam, mu of all arms, clearance; ``observation``: as ``observe``, in the same call because
-    calls cost more than ticks. Returns ticks run, whether one violated, and the smallest
-    clearance.
+    ``record`` (ticks, 2 A + 1): lam, mu of all arms, clearance; ``observation``: as ``observe``, in the same call
+    because calls cost more than ticks. Returns ticks run, whether one violated, and the smallest clearance.
     """
     arms = commands.shape[0]
     ran, violated, smallest = ticks, False, np.inf

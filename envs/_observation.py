@@ -29,8 +29,12 @@ OWN = (
 )
 OTHER = (
     Entry("present", 0.0, 1.0, "1 if the slot holds an arm"),
-    Entry("distance", -1.0, 1.0, "way to the next collision region with it, as a share of the own path; none ahead is 1"),
-    Entry("release", -1.0, 1.0, "way it has still to go until that region is released, as a share of its path; 0 is -1"),
+    Entry(
+        "distance", -1.0, 1.0, "way to the next collision region with it, as a share of the own path; none ahead is 1"
+    ),
+    Entry(
+        "release", -1.0, 1.0, "way it has still to go until that region is released, as a share of its path; 0 is -1"
+    ),
     Entry("progress", -1.0, 1.0, "its position on its path, start -1, end 1"),
     Entry("speed", -1.0, 1.0, "its mu as a share of its mu*; 0 is -1"),
     Entry("time_to_go", -1.0, 1.0, "its least time to its end as a share of its T; none is -1"),
@@ -66,7 +70,5 @@ def observation_table() -> str:
     lines = ["====  ==============================  ==========  " + "=" * 70]
     lines.append("index name                            range       meaning")
     lines.append(lines[0])
-    lines += [
-        f"{k:<5} {e.name:<31} [{e.low:g}, {e.high:g}]".ljust(49) + f" {e.meaning}" for k, e in enumerate(ENTRIES)
-    ]
+    lines += [f"{k:<5} {e.name:<31} [{e.low:g}, {e.high:g}]".ljust(49) + f" {e.meaning}" for k, e in enumerate(ENTRIES)]
     return "\n    ".join([*lines, lines[0]])

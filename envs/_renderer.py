@@ -1,15 +1,15 @@
 """Pictures of a cell: PyBullet's window, or images without a display.
 
-The renderer has a PyBullet client of its own, with the paths drawn as beads: the physics stays as lean and as exact with
-pictures as without.
+The renderer has a PyBullet client of its own, with the paths drawn as beads: the physics stays as lean and as exact
+with pictures as without.
 """
 
 from __future__ import annotations
 
 import functools
-import importlib.util
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -24,7 +24,12 @@ Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
-BEADS = 24  # per path
+PAPER = (0.96, 0.96, 0.95, 1.0)
+BEADS = 40  # per path
+GROUND_BELOW = 0.06  # [m] the paper is under the lowest joint
+TILT = 0.35  # [rad] of the view from straight down
+VIEW_DEG = 40.0  # vertical
+BORDER = 0.12  # of the picture, free around the arms
 _PROBE = """
 import importlib.util
 import pybullet
@@ -49,7 +54,9 @@ def egl_available() -> bool:
     if not sys.platform.startswith("linux"):
         return False
     try:
-        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=60, check=False)
+        probe = subprocess.run(  # noqa: S603 (our own text)
+            [sys.executable, "-c", _PROBE], capture_output=True, timeout=60, check=False
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
     return probe.returncode == 0
@@ -71,47 +78,58 @@ class Renderer:
                 mode=mode,
             )
         self.mode = mode
-        self._scene = Scene(cell, window=mode == "human")
-        client = self._scene.client
-        self._plugin = -1
-        if mode == "rgb_array" and egl_available():
-            spec = importlib.util.find_spec("eglRenderer")
-            if spec is not None and spec.origin is not None:
-                self._plugin = pybullet.loadPlugin(spec.origin, "_eglRendererPlugin", physicsClientId=client)
+        self._scene = Scene(cell, window=mode == "human", egl=mode == "rgb_array" and egl_available())
         if mode == "human":
-            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=client)
-        self._paint(cell)
-        self._aim(cell)
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
+        tips, points = [], [arm.T_world_base[:3, 3] for arm in cell.arms]
+        for arm, path in zip(cell.arms, cell.paths, strict=True):
+            q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
+            tips.append(arm.tip_pose(q)[:, :3, 3])
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *tips[-1]]
+        self._paint(tips, np.array(points))
+        self._aim(np.array(points))
 
-    def _paint(self, cell: Cell) -> None:
+    def _paint(self, tips: list[Array], points: Array) -> None:
+        """Every arm and its path in one colour, on paper."""
         client = self._scene.client
-        for i, (body, path) in enumerate(zip(self._scene.bodies, cell.paths, strict=True)):
+        for i, (body, beads) in enumerate(zip(self._scene.bodies, tips, strict=True)):
             colour = COLOURS[i % len(COLOURS)]
             for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
                 pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=client)
-            bead = pybullet.createVisualShape(
-                pybullet.GEOM_SPHERE, radius=0.006, rgbaColor=(*(0.5 + 0.5 * c for c in colour[:3]), 1.0), physicsClientId=client
-            )
-            tips = cell.arms[i].tip_pose(path.evaluate(np.linspace(0.0, path.length, BEADS))[0])[:, :3, 3]
-            pybullet.createMultiBody(
-                baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=tips.tolist(), basePosition=tips[0].tolist(),
-                physicsClientId=client,
-            )  # fmt: skip
+            pale = [*(0.5 + 0.5 * c for c in colour[:3]), 1.0]
+            self._body(pybullet.GEOM_SPHERE, pale, beads.tolist(), radius=0.004)
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = float(np.max(high - low))
+        paper = [*(0.5 * (low + high))[:2], low[2] - GROUND_BELOW]
+        self._body(pybullet.GEOM_BOX, PAPER, [paper], halfExtents=[3.0 * size, 3.0 * size, 0.001])
 
-    def _aim(self, cell: Cell) -> None:
-        """Look down on everything the arms sweep."""
-        points = [arm.T_world_base[:3, 3] for arm in cell.arms]
-        for arm, path in zip(cell.arms, cell.paths, strict=True):
-            q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
-            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *arm.tip_pose(q)[:, :3, 3]]
-        low, high = np.min(points, axis=0), np.max(points, axis=0)
-        centre, size = 0.5 * (low + high), max(float(np.max(high - low)), 0.2)
-        eye = centre + size * np.array([0.0, -0.45, 0.95])
-        self._view = pybullet.computeViewMatrix(eye.tolist(), centre.tolist(), [0.0, 1.0, 0.0])
-        self._projection = pybullet.computeProjectionMatrixFOV(55.0, WIDTH / HEIGHT, 0.05 * size, 10.0 * size)
+    def _body(self, kind: int, colour: Sequence[float], places: list[list[float]], **size: Any) -> None:
+        client = self._scene.client
+        shape = pybullet.createVisualShape(kind, rgbaColor=colour, physicsClientId=client, **size)
+        pybullet.createMultiBody(
+            baseMass=0.0,
+            baseVisualShapeIndex=shape,
+            basePosition=places[0],
+            batchPositions=places,
+            physicsClientId=client,
+        )
+
+    def _aim(self, points: Array) -> None:
+        """Look down on everything the arms sweep, from as near as shows it all."""
+        centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        back = np.array([0.0, -np.sin(TILT), np.cos(TILT)])  # from the scene to the eye
+        up = np.array([0.0, np.cos(TILT), np.sin(TILT)])
+        height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER)
+        right, above, nearer = np.stack([[1.0, 0.0, 0.0], up, back]) @ (points - centre).T
+        distance = max(0.2, float(np.max(nearer + np.maximum(np.abs(right) * HEIGHT / WIDTH, np.abs(above)) / height)))
+        eye = centre + distance * back
+        self._view = pybullet.computeViewMatrix(eye.tolist(), centre.tolist(), up.tolist())
+        self._projection = pybullet.computeProjectionMatrixFOV(
+            VIEW_DEG, WIDTH / HEIGHT, 0.1 * distance, 10.0 * distance
+        )
         if self.mode == "human":
             pybullet.resetDebugVisualizerCamera(
-                1.1 * size, 0.0, -65.0, centre.tolist(), physicsClientId=self._scene.client
+                distance, 0.0, np.degrees(TILT) - 90.0, centre.tolist(), physicsClientId=self._scene.client
             )
 
     def render(self, q: Array) -> NDArray[np.uint8] | None:
@@ -120,7 +138,7 @@ class Renderer:
         if self.mode == "human":
             return None
         options: dict[str, Any] = {
-            "renderer": pybullet.ER_BULLET_HARDWARE_OPENGL if self._plugin >= 0 else pybullet.ER_TINY_RENDERER,
+            "renderer": pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
             "shadow": 1,
             "lightDirection": (0.3, -0.4, 1.0),
         }
@@ -137,4 +155,3 @@ class Renderer:
 def render_modes() -> list[str]:
     """The modes that work here: a window needs a display."""
     return ["rgb_array", "human"] if display_available() else ["rgb_array"]
-

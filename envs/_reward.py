@@ -1,4 +1,4 @@
-"""The reward, term by term (DESIGN section 5): progress is worth one path, time what it takes, a collision more than both."""
+"""The reward, term by term: progress is worth one path, time what it takes, a collision more than both."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import sys
 import tempfile
@@ -26,19 +27,24 @@ _FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those o
 class Scene:
     """The arms of a cell in a PyBullet client of their own.
 
-    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), damping that the URDF
-    does not ask for is 0, and the default motors are off.
+    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), damping that the
+    URDF does not ask for is 0, and the default motors are off.
 
     Args:
         cell: What to load.
         window: Open PyBullet's window instead of working unseen.
+        egl: Draw by the EGL plugin, where it loads; it draws only what comes into the scene after it.
+
+    Attributes:
+        hardware: Whether that plugin draws.
     """
 
-    def __init__(self, cell: Cell, *, window: bool = False) -> None:
+    def __init__(self, cell: Cell, *, window: bool = False, egl: bool = False) -> None:
         self.cell = cell
         self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
             raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
+        self.hardware = egl and _load_egl(self.client)
         self.bodies: list[int] = []
         self.joints: list[list[int]] = []
         for arm in cell.arms:
@@ -62,7 +68,9 @@ class Scene:
                 )  # fmt: skip
             except pybullet.error as error:
                 raise RobotError(
-                    f"PyBullet cannot load {arm.urdf}: {error}", remedy="check the file and its meshes", file=str(arm.urdf)
+                    f"PyBullet cannot load {arm.urdf}: {error}",
+                    remedy="check the file and its meshes",
+                    file=str(arm.urdf),
                 ) from None
         return body
 
@@ -106,6 +114,13 @@ class Scene:
             self.client = -1
 
 
+def _load_egl(client: int) -> bool:
+    spec = importlib.util.find_spec("eglRenderer")
+    if spec is None or spec.origin is None:
+        return False
+    return int(pybullet.loadPlugin(spec.origin, "_eglRendererPlugin", physicsClientId=client)) >= 0
+
+
 def display_available() -> bool:
     """Whether a window could be opened; PyBullet would end the process if it cannot."""
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
@@ -123,7 +138,7 @@ def _with_tool(cell: Cell, arm: Arm, folder: Path) -> Path:
     config = next(config for config in cell.config.arms if config.name == arm.name)
     if config.tool is None:
         return arm.urdf
-    tree = ElementTree.parse(arm.urdf)
+    tree = ElementTree.parse(arm.urdf)  # noqa: S314 (read before)
     for mesh in tree.iter("mesh"):
         name = mesh.get("filename", "")
         if "://" not in name:
@@ -140,7 +155,7 @@ def _with_tool(cell: Cell, arm: Arm, folder: Path) -> Path:
     else:  # PyBullet takes a link without an inertial for 1 kg
         inertial = ElementTree.SubElement(link, "inertial")
         ElementTree.SubElement(inertial, "mass", value="0")
-        zeros: dict[str, Any] = {name: "0" for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
+        zeros: dict[str, Any] = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
         ElementTree.SubElement(inertial, "inertia", **zeros)
     joint = ElementTree.SubElement(root, "joint", name="armtempo_tool_joint", type="fixed")
     ElementTree.SubElement(joint, "parent", link=arm.tip_link)

@@ -91,8 +91,8 @@ class Simulation:
 
     Args:
         cell: Arms on their paths.
-        physics: ``bullet``: torque-controlled in PyBullet, FCL clearance at every tick. ``ideal``: on the paths, without
-            tracking error, clearance from a table.
+        physics: ``bullet``: torque-controlled in PyBullet, FCL clearance at every tick. ``ideal``: on the paths,
+            without tracking error, clearance from a table.
         mode: What a command in [0, 1] means, see ``PhasePlane.advance``.
         record: Keep a trace.
 
@@ -163,7 +163,9 @@ class Simulation:
         self._rows: list[tuple[Array, ...]] = []
         if self.record:
             zero = np.zeros_like(self._torque)
-            self._rows.append((self.lam.copy(), self.mu.copy(), self._q.copy(), zero, zero, np.array([nearest]), np.zeros(arms)))
+            self._rows.append(
+                (self.lam.copy(), self.mu.copy(), self._q.copy(), zero, zero, np.array([nearest]), np.zeros(arms))
+            )
 
     @property
     def time(self) -> float:
@@ -229,13 +231,18 @@ class Simulation:
             tracking_error(self._world, self._state, self._q, self._error)
             self._rows.append(
                 (
-                    self.lam.copy(), self.mu.copy(), self._q.copy(), self._torque.copy(), self._demand.copy(),
-                    np.array([nearest]), self._error.copy(),
-                )  # fmt: skip
+                    self.lam.copy(),
+                    self.mu.copy(),
+                    self._q.copy(),
+                    self._torque.copy(),
+                    self._demand.copy(),
+                    np.array([nearest]),
+                    self._error.copy(),
+                )
             )
 
     def _settle(self, tick: float) -> None:
-        """An arm has arrived at the later of its reference's end and the first tick from which its tip stays settled."""
+        """An arm arrives at the later of its reference's end and the first tick from which its tip stays settled."""
         before = self._tips.copy()
         tip_positions(self._world, self._q, self._tips)
         speed = np.linalg.norm(self._tips - before, axis=1) / tick
@@ -273,7 +280,7 @@ class Simulation:
             q = tuple(path.evaluate(lam[:, i])[0] for i, path in enumerate(self.cell.paths))
             torque = demand = tuple(self._ideal_torque(i, lam[:, i], mu[:, i]) for i in range(self.arms))
         return EpisodeTrace(
-            time=np.arange(len(lam)) * self.cell.physics_tick,
+            time=np.asarray(np.arange(len(lam)) * self.cell.physics_tick, dtype=np.float64),
             lam=lam,
             mu=mu,
             q=q,
@@ -298,4 +305,3 @@ class Simulation:
         """Leave PyBullet; may be called twice."""
         if self._scene is not None:
             self._scene.close()
-

@@ -109,9 +109,7 @@ def rows_of(world: World, i: int) -> phase_kernels.Rows:
 def edges_of(world: World, i: int) -> phase_kernels.Edges:
     """The controllable set of arm i."""
     N, o, b = world.size[i, 0], world.offset[i], world.buffer
-    return phase_kernels.Edges(
-        b[o[6] : o[6] + N], b[o[7] : o[7] + N], b[o[8] : o[8] + N - 1], b[o[9] : o[9] + N - 1]
-    )
+    return phase_kernels.Edges(b[o[6] : o[6] + N], b[o[7] : o[7] + N], b[o[8] : o[8] + N - 1], b[o[9] : o[9] + N - 1])
 
 
 @njit

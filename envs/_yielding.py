@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from armtempo.envs._episode import Episode, as_cell, read_action
@@ -21,11 +22,11 @@ from armtempo.planners import Cell, Mode
 class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """One arm learns when to yield; the others run their paths in minimum time (``armtempo/Yielding-v0``).
 
-    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the end of
-    the path unreachable. With ``f = (a + 1) / 2``:
+    **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
+    end of the path unreachable. With ``f = (a + 1) / 2``:
 
-    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path speed
-      from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
+    - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path
+      speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
 
     **Observation**, Box, (17,) float32, the same for every cell:
@@ -55,7 +56,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         v0: first release.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": render_modes(), "render_fps": 25}
+    metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
 
     def __init__(
         self,
@@ -72,7 +73,9 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         check_render_mode(render_mode)
         low, high = master_late_s if isinstance(master_late_s, tuple | list) else (master_late_s, master_late_s)
         if not (np.isfinite([low, high]).all() and 0.0 <= low <= high):
-            raise ConfigError(f"master_late_s must be a time or a range in seconds, got {master_late_s}", remedy="give 0 or more")
+            raise ConfigError(
+                f"master_late_s must be a time or a range in seconds, got {master_late_s}", remedy="give 0 or more"
+            )
         self.cell = as_cell(cell)
         names = [arm.name for arm in self.cell.arms]
         if learner is not None and learner not in names:
@@ -81,8 +84,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._late = (float(low), float(high))
         self.render_mode = render_mode
         self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
-        self.observation_space = observation_space()
-        self.action_space = action_space()
+        self.observation_space: Box = observation_space()  # type: ignore[assignment]
+        self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
 
     @property
@@ -98,7 +101,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Put all arms at the start of their paths. ``options``: ``master_late_s`` for this episode; others are ignored."""
+        """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
         super().reset(seed=seed)
         drawn = self.np_random.uniform(*self._late) if self._late[0] < self._late[1] else self._late[0]
         late = np.zeros(len(self.cell.arms))
@@ -122,7 +125,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.render()
         return self.simulation.observe()[self._own], reward, terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
         if self.render_mode is None:
             return None

@@ -72,12 +72,12 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """Circular arc from ``start`` to ``end`` about ``center``, each (3,) [m]; the shorter one unless ``normal`` is given.
+    """Circular arc about a centre, the shorter of the two unless ``normal`` is given.
 
     Args:
-        start: First point.
-        end: Last point, at the same distance from the centre.
-        center: Centre of the circle.
+        start: First point (3,) [m].
+        end: Last point (3,) [m], at the same distance from the centre.
+        center: Centre of the circle (3,) [m].
         normal: Axis (3,) about which the arc turns counter-clockwise; needed for a half circle, and for arcs that are
             longer than one.
 
@@ -165,7 +165,9 @@ class CartesianPath:
             p1, t1, _ = after.evaluate(0.0)
             gap = float(np.linalg.norm(p1 - p0))
             if gap > 1e-6:
-                raise PathError(f"segments {k} and {k + 1} are {gap:.6g} m apart", remedy="let each start where the last ends")
+                raise PathError(
+                    f"segments {k} and {k + 1} are {gap:.6g} m apart", remedy="let each start where the last ends"
+                )
             corner = math.atan2(float(np.linalg.norm(np.cross(t0, t1))), float(t0 @ t1))
             if corner > TANGENT_TOLERANCE:
                 raise PathError(

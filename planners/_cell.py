@@ -164,7 +164,8 @@ class Cell:
                 if nearest.distance < required or cells >= smallest:
                     raise CollisionError(
                         f"path of arm {arm.name!r} comes too close to {what} at station {station:.4g} m: "
-                        f"{nearest.body_a} and {nearest.body_b} are {nearest.distance:.4g} m apart, {required:.4g} m are required",
+                        f"{nearest.body_a} and {nearest.body_b} are {nearest.distance:.4g} m apart, "
+                        f"{required:.4g} m are required",
                         remedy="move the path or the obstacle, or lower d_min_m",
                         arm=arm.name,
                         station=station,
@@ -309,4 +310,3 @@ def _build_obstacle(config: CellConfig, obstacle: ObstacleConfig) -> Shape:
         assert rod is not None
         size = (rod.radius_m, rod.length_m)
     return static_shape(obstacle.kind, size, T_world=_transform(obstacle.pose), name=obstacle.name, file=file)
-

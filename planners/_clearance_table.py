@@ -17,7 +17,7 @@ NODES = 513
 
 
 class ClearanceTable(NamedTuple):
-    """Distances at (K, K) nodes, equally spaced over both paths; bilinear in between (good to about a quarter of a node)."""
+    """Distances at (K, K) nodes, equally spaced over both paths; bilinear in between (to about a quarter of a node)."""
 
     distance: Array
     length_a: float
@@ -67,4 +67,5 @@ def tabulated_clearance(table: ClearanceTable, lam_a: float, lam_b: float) -> fl
     i, j = min(int(x), last - 1), min(int(y), last - 1)
     x, y = x - i, y - j
     d = table.distance
-    return (1.0 - x) * ((1.0 - y) * d[i, j] + y * d[i, j + 1]) + x * ((1.0 - y) * d[i + 1, j] + y * d[i + 1, j + 1])
+    before, after = (1.0 - y) * d[i, j] + y * d[i, j + 1], (1.0 - y) * d[i + 1, j] + y * d[i + 1, j + 1]
+    return float((1.0 - x) * before + x * after)

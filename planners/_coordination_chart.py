@@ -1,15 +1,17 @@
 r"""The coordination chart (Lee1991 section 2.3, Fig. 2): where on their paths two arms come too close.
 
-``d(lambda_a, lambda_b)`` is the smallest distance between any link of arm a and any of arm b (eqs. 17-18); the collision
-region is where ``d < d_min``. A quadtree certifies whole cells: the distance of two convex bodies changes by at most the
-sum of their displacements, so with ``delta`` the farthest that any point of a link moves from its place at the centre,
+``d(lambda_a, lambda_b)`` is the smallest distance between any link of arm a and any of arm b (eqs. 17-18); the
+collision region is where ``d < d_min``. A quadtree certifies whole cells: the distance of two convex bodies changes
+by at most the sum of their displacements, so with ``delta`` the farthest that any point of a link moves from its
+place at the centre,
 
     d(centre) - delta_a - delta_b >= d_min   for all pairs of links: the cell is *free*
     d(centre) + delta_a + delta_b <  d_min   for one pair:            the cell is *blocked*
 
-between samples and for every timing; else it is split, and *undecided* when it reaches the tolerance. Distances of links
-that are capsules are computed by a compiled kernel that equals FCL's analytic one; other shapes are asked of FCL, after
-their enclosing capsules have been found too near. Planning takes undecided for blocked, bounds take it for free.
+between samples and for every timing; else it is split, and *undecided* when it reaches the tolerance. Distances of
+links that are capsules are computed by a compiled kernel that equals FCL's analytic one; other shapes are asked of
+FCL, after their enclosing capsules have been found too near. Planning takes undecided for blocked, bounds take it for
+free.
 """
 
 from __future__ import annotations
@@ -102,7 +104,7 @@ def _displacements(points: Array, slack: Array, cells: int) -> Array:
 
 
 def swept_displacements(arm: Arm, path: JointPath, finest: int) -> dict[int, Array]:
-    """Bounds of how far any point of an arm gets from its place at the centre of each of 1, 2, 4, ... ``finest`` intervals."""
+    """How far, at most, any point of an arm gets from its place at the centre of each of 1, 2, 4, ... intervals."""
     motion = _Motion.of(arm, path, OVERSAMPLING * finest)
     sweeps = {}
     cells = 1
@@ -140,7 +142,10 @@ def _classify(
         for e in range(first[c], first[c + 1]):
             ka, kb = pairs[e] // shapes_b, pairs[e] % shapes_b
             between = kernels.segment_distance(
-                points_a[centre_a, ka, 0], points_a[centre_a, ka, 1], points_b[centre_b, kb, 0], points_b[centre_b, kb, 1]
+                points_a[centre_a, ka, 0],
+                points_a[centre_a, ka, 1],
+                points_b[centre_b, kb, 0],
+                points_b[centre_b, kb, 1],
             )
             d = between - radius_a[ka] - radius_b[kb]
             moved = delta_a[cell_a[c], ka] + delta_b[cell_b[c], kb] + eps
@@ -161,7 +166,9 @@ def _classify(
 
 
 @njit
-def _paint(states: NDArray[np.uint8], cell_a: Ints, cell_b: Ints, cell_state: NDArray[np.uint8], size: int, last: bool) -> None:
+def _paint(
+    states: NDArray[np.uint8], cell_a: Ints, cell_b: Ints, cell_state: NDArray[np.uint8], size: int, last: bool
+) -> None:
     for c in range(cell_a.shape[0]):
         if cell_state[c] != UNDECIDED or last:
             for i in range(cell_a[c] * size, (cell_a[c] + 1) * size):
@@ -203,7 +210,8 @@ class CoordinationChart:
     """Where two arms on their paths come closer than ``d_min``, cell by cell.
 
     Attributes:
-        states: (R, R) uint8, first index along path a: 0 free, 1 undecided, 2 blocked; each certified for the whole cell.
+        states: (R, R) uint8, first index along path a: 0 free, 1 undecided, 2 blocked; each certified for the whole
+            cell.
         length_a: ``lambda_max`` of path a.
         length_b: ``lambda_max`` of path b.
         d_min: Smallest allowed distance [m].
@@ -307,7 +315,7 @@ class CoordinationChart:
 
     @cached_property
     def closure(self) -> Array:
-        """(R + 1,) for every column the lowest lambda_b that is not free *there or in any later column*; inf where none.
+        """(R + 1,) for every column the lowest lambda_b that is not free *there or in any later column*; or inf.
 
         The collision point C(lambda_a) of the paper may fall back later; behind the closure nothing can.
         """
@@ -327,7 +335,9 @@ class CoordinationChart:
     def _cells(self, value: float | tuple[float, float], length: float) -> slice:
         low, high = value if isinstance(value, tuple) else (value, value)
         if not (0.0 <= low <= high <= length * (1.0 + 1e-12)):
-            raise CollisionError(f"{value} is outside the path, [0, {length:.6g}]", remedy="give 0 <= low <= high <= length")
+            raise CollisionError(
+                f"{value} is outside the path, [0, {length:.6g}]", remedy="give 0 <= low <= high <= length"
+            )
         step = length / self.resolution
         start = math.ceil(low / step) - 1  # a point on a border touches the cells on both sides
         stop = math.floor(high / step) + 1
@@ -339,7 +349,7 @@ class CoordinationChart:
         return bool((box == FREE).all())
 
     def next_collision(self, lam_a: float, lam_b: float) -> float:
-        """The first lambda_b at or ahead of ``lam_b`` that is not free with arm a at ``lam_a``: the collision point; inf if none."""
+        """The collision point: the first lambda_b from ``lam_b`` on not free with arm a at ``lam_a``; or inf."""
         rows = self.states[self._cells(lam_a, self.length_a)]
         row = self._cells(lam_b, self.length_b).start
         ahead = np.flatnonzero((rows[:, row:] != FREE).any(axis=0))

@@ -48,11 +48,11 @@ class JointPath(ABC):
 
     @abstractmethod
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
-        """``f``, ``f'`` and ``f''`` at ``lam``, each (..., n); with ``before`` a breakpoint counts to the piece before it."""
+        """``f``, ``f'``, ``f''`` at ``lam``, each (..., n); ``before``: a breakpoint belongs to the piece before it."""
 
     @abstractmethod
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
-        """Upper bounds of ``|f'|`` over the intervals [low, high], (..., n), not from samples: charts certify with them."""
+        """Upper bounds of ``|f'|`` over intervals [low, high], (..., n), not from samples: charts certify with them."""
 
     def table(self, pieces: int = 2048) -> PathTable:
         """Samples for numba kernels; breakpoints are stations."""

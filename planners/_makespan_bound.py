@@ -1,10 +1,11 @@
 r"""A certified lower bound on the makespan of two arms, both free to yield.
 
 No motion of an arm gains on its minimum-time profile: ``t(b) - t(a) >= theta(b) - theta(a)``, with ``theta`` the time
-at which that profile is at a station. In the coordinates ``(theta_a, theta_b)`` each arm is a point of unit top speed, so
-the makespan is at least that of a monotone path from corner to corner of the chart redrawn in them, round the cells that
-are certified blocked. Sample any schedule every h: its cell indices rise by at most one per sample and never sit in a
-cell that is blocked throughout; if K is the least number of cells on such a path, the makespan is at least (K - 1) h.
+at which that profile is at a station. In the coordinates ``(theta_a, theta_b)`` each arm is a point of unit top
+speed, so the makespan is at least that of a monotone path from corner to corner of the chart redrawn in them, round
+the cells that are certified blocked. Sample any schedule every h: its cell indices rise by at most one per sample and
+never sit in a cell that is blocked throughout; if K is the least number of cells on such a path, the makespan is at
+least (K - 1) h.
 """
 
 from __future__ import annotations

@@ -104,12 +104,16 @@ class PathDynamics:
             raise InfeasibleError("grid must rise, and may stay at one station for two rows only between its ends")
         if (self.torque_min > self.torque_max).any():
             k, joint = np.argwhere(self.torque_min > self.torque_max)[0]
-            raise InfeasibleError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
+            raise InfeasibleError(
+                f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint)
+            )
         self.arm: Arm | None = None
         self.path: JointPath | None = None
 
     @classmethod
-    def from_path(cls, arm: Arm, path: JointPath, *, intervals: int = 1000, torque_reserve: float = 0.0) -> PathDynamics:
+    def from_path(
+        cls, arm: Arm, path: JointPath, *, intervals: int = 1000, torque_reserve: float = 0.0
+    ) -> PathDynamics:
         """Sample the dynamics of ``arm`` along ``path`` on a uniform grid (and at the path's breakpoints, twice).
 
         Args:
@@ -158,4 +162,5 @@ class PathDynamics:
         """Torques ``M mu_dot + Q mu^2 + R mu + S`` (..., n) [N m] of a motion (Lee1991 eq. 8)."""
         M, Q, R, S = self.evaluate(lam)
         mu, mu_dot = np.asarray(mu)[..., None], np.asarray(mu_dot)[..., None]
-        return M * mu_dot + Q * mu**2 + R * mu + S
+        torque: Array = M * mu_dot + Q * mu**2 + R * mu + S
+        return torque

@@ -1,8 +1,9 @@
 r"""Compiled loops of the phase plane. State ``(lambda, x)`` with ``x = mu^2``, constant ``u = mu_dot`` per interval.
 
 Between two stations at distance D the motion is exact: ``x_end = x + 2 D u``. Torque limits are linear rows
-``low <= a u + b x <= high`` (``a = M, b = Q``, ``S`` folded into the limits), asked for at *both* ends of every interval:
-that also bounds the speed at zero-inertia points (``a = 0``), where the rows at one end alone say nothing of ``u``.
+``low <= a u + b x <= high`` (``a = M, b = Q``, ``S`` folded into the limits), asked for at *both* ends of every
+interval: that also bounds the speed at zero-inertia points (``a = 0``), where the rows at one end alone say nothing
+of ``u``.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def _stage_rows(rows: Rows, i: int, next_low: float, next_high: float, out: Arra
             rows.a[k, j] + d2 * rows.b[k, j], rows.b[k, j], rows.low[k, j], rows.high[k, j]
         )
     out[2 * n, 0], out[2 * n, 1], out[2 * n, 2], out[2 * n, 3] = d2, 1.0, next_low, next_high
-    return 2 * n + 1
+    return int(2 * n + 1)
 
 
 @njit
@@ -90,7 +91,7 @@ def controllable_sets(rows: Rows, x_end: float, low: Array, high: Array, low_nex
     stage = np.empty((2 * n + 1, 4))
     low[last] = high[last] = x_end
     if x_end > rows.x_cap[last]:
-        return last
+        return int(last)
     for i in range(last - 1, -1, -1):
         if rows.station[i + 1] == rows.station[i]:
             low[i], high[i] = low[i + 1], min(high[i + 1], rows.x_cap[i])
@@ -117,9 +118,13 @@ def controllable_sets(rows: Rows, x_end: float, low: Array, high: Array, low_nex
             x_low = x_high
         low[i], high[i] = x_low, x_high
         u_low, u_high = _accelerations(stage, count, x_high)
-        high_next[i] = min(max(x_high + 2.0 * (rows.station[i + 1] - rows.station[i]) * max(u_low, u_high), low[i + 1]), high[i + 1])
+        high_next[i] = min(
+            max(x_high + 2.0 * (rows.station[i + 1] - rows.station[i]) * max(u_low, u_high), low[i + 1]), high[i + 1]
+        )
         u_low, u_high = _accelerations(stage, count, x_low)
-        low_next[i] = min(max(x_low + 2.0 * (rows.station[i + 1] - rows.station[i]) * min(u_low, u_high), low[i + 1]), high[i + 1])
+        low_next[i] = min(
+            max(x_low + 2.0 * (rows.station[i + 1] - rows.station[i]) * min(u_low, u_high), low[i + 1]), high[i + 1]
+        )
     return -1
 
 
@@ -158,7 +163,7 @@ def edge_speed(rows: Rows, edges: Edges, lam: float) -> float:
     """``mu*``, the upper edge of the controllable set at ``lam``."""
     i = locate(rows.station, lam)
     w = (lam - rows.station[i]) / (rows.station[i + 1] - rows.station[i])
-    return np.sqrt(max(edges.high[i] + w * (edges.high_next[i] - edges.high[i]), 0.0))
+    return float(np.sqrt(max(edges.high[i] + w * (edges.high_next[i] - edges.high[i]), 0.0)))
 
 
 @njit
@@ -188,15 +193,24 @@ def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float
 
 @njit
 def advance(
-    rows: Rows, edges: Edges, lam: float, mu: float, command: float, by_speed: bool, dt: float, record: Array, count: int
+    rows: Rows,
+    edges: Edges,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    dt: float,
+    record: Array,
+    count: int,
 ) -> tuple[float, float, float, int]:
-    """Move an arm along its path for ``dt`` under a command in [0, 1]; returns lam, mu, the time used, the record's length.
+    """Move an arm along its path for ``dt`` under a command in [0, 1].
 
     Piece by piece, each to the next station or one tick ahead, with one constant ``u`` from ``[u_low, u_high]``: the
     rows at both ends of the piece, and no point above the controllable set. ``by_speed``: ``u`` heads for ``command``
     times ``mu*`` (0: brake as hard as the limits allow); else ``u = u_low + command (u_high - u_low)``. The edge is
     obeyed to rounding, so the end can always be met; the rows *inside* a piece hold to the second order of its length.
-    Time is less than ``dt`` only on arrival. ``record`` (K, 3) receives (time, lam, mu) after every piece; (0, 3): none.
+    ``record`` (K, 3) receives (time, lam, mu) after every piece; (0, 3): none. Returns lam, mu, the time used (less than
+    ``dt`` only on arrival) and the length of the record.
     """
     station = rows.station
     last = station.shape[0] - 1

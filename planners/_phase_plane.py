@@ -84,8 +84,8 @@ class PhasePlane:
         of_arm = f" of arm {arm.name!r}" if arm is not None else ""
         if over[joint] > 0.0:
             reason = (
-                f"joint {name}{of_arm} needs {hold[joint]:.4g} N m to hold still at station {station:.4g}, its limits are "
-                f"[{dynamics.torque_min[row, joint]:.4g}, {dynamics.torque_max[row, joint]:.4g}] N m"
+                f"joint {name}{of_arm} needs {hold[joint]:.4g} N m to hold still at station {station:.4g}, "
+                f"its limits are [{dynamics.torque_min[row, joint]:.4g}, {dynamics.torque_max[row, joint]:.4g}] N m"
             )
             remedy = "raise limits.torque_nm, lower torque_reserve, or move the path"
         else:
@@ -135,14 +135,17 @@ class PhasePlane:
             slope = b[:, None, :] * a[:, :, None] - b[:, :, None] * a[:, None, :]  # [station, p, q]
             room = high[:, None, :] * a[:, :, None] - low[:, :, None] * a[:, None, :]
             bound = np.where(slope > 0.0, room / slope, np.inf)
-        return np.sqrt(np.minimum(bound.min(axis=(1, 2)), self.rows.x_cap))
+        limit: Array = np.sqrt(np.minimum(bound.min(axis=(1, 2)), self.rows.x_cap))
+        return limit
 
-    def advance(self, lam: float, mu: float, command: float, dt: float, *, mode: Mode = "speed") -> tuple[float, float, float]:
+    def advance(
+        self, lam: float, mu: float, command: float, dt: float, *, mode: Mode = "speed"
+    ) -> tuple[float, float, float]:
         """Move for ``dt`` [s] under a command in [0, 1]; returns ``lam``, ``mu`` and the time used (less on arrival).
 
-        ``speed``: heads for ``command`` times ``mu*`` as fast as the torque limits allow, so 1 is the minimum-time motion
-        and 0 is maximum braking. ``acceleration``: takes that share of the interval between the lowest and the highest
-        admissible ``mu_dot``. From every state reached so, the end can be met at rest.
+        ``speed``: heads for ``command`` times ``mu*`` as fast as the torque limits allow, so 1 is the minimum-time
+        motion and 0 is maximum braking. ``acceleration``: takes that share of the interval between the lowest and the
+        highest admissible ``mu_dot``. From every state reached so, the end can be met at rest.
         """
         lam, mu, used, _ = advance(
             self.rows, self.edges, float(lam), float(mu), float(command), mode == "speed", float(dt), NO_RECORD, 0
@@ -181,7 +184,7 @@ class PhasePlane:
     def motion(
         self, commands: ArrayLike, times: ArrayLike, lam: float = 0.0, mu: float = 0.0, *, mode: Mode = "speed"
     ) -> PhaseTrajectory:
-        """The motion under commands in [0, 1], each for its time [s], recorded row by row; it ends on arrival or at rest."""
+        """The motion under commands in [0, 1], each for its time [s], row by row; it ends on arrival or at rest."""
         record = np.empty((8 * len(self.rows.station) + 64 * np.size(times), 3))
         pieces = [np.array([[0.0, lam, mu]])]
         clock = 0.0
@@ -191,10 +194,12 @@ class PhasePlane:
                 self.rows, self.edges, lam, mu, float(command), mode == "speed", step, record, 0
             )
             if count:
-                pieces.append(record[:count] + [clock, 0.0, 0.0])
+                pieces.append(record[:count] + np.array([clock, 0.0, 0.0]))
             clock += used
             seen, place, _ = pieces[-1][-1]
-            if lam != place or (np.isfinite(dt) and clock > seen):  # the end, reached to rounding; or time spent at rest
+            if lam != place or (
+                np.isfinite(dt) and clock > seen
+            ):  # the end, reached to rounding; or time spent at rest
                 pieces.append(np.array([[clock, lam, mu]]))
             if lam >= self.length:
                 break

@@ -1,4 +1,4 @@
-"""Motions along a path: ``lambda(t)`` with ``mu_dot`` constant between rows, and the certificate of what they ask for."""
+"""Motions along a path, ``mu_dot`` constant between rows, and the certificate of what they ask for."""
 
 from __future__ import annotations
 
@@ -72,9 +72,7 @@ class PhaseTrajectory:
     ) -> PhaseTrajectory:
         """The motion through ``(lam, mu)`` rows, after standing at its start for ``delay`` [s]."""
         lam, mu = np.asarray(lam, dtype=np.float64), np.asarray(mu, dtype=np.float64)
-        steps = np.divide(
-            2.0 * np.diff(lam), mu[:-1] + mu[1:], out=np.zeros(len(lam) - 1), where=np.diff(lam) > 0.0
-        )
+        steps = np.divide(2.0 * np.diff(lam), mu[:-1] + mu[1:], out=np.zeros(len(lam) - 1), where=np.diff(lam) > 0.0)
         time = delay + np.concatenate([[0.0], np.cumsum(steps)])
         if delay > 0.0:
             lam, mu, time = (np.concatenate([[first], rows]) for first, rows in ((lam[0], lam), (0.0, mu), (0.0, time)))
@@ -110,7 +108,7 @@ class PhaseTrajectory:
         )
 
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """``lam``, ``mu``, ``mu_dot`` at times ``t`` [s] (any shape); at rest before the first row, and at the end after it."""
+        """``lam``, ``mu``, ``mu_dot`` at times ``t`` [s] (any shape); at rest before and after the motion."""
         t = np.asarray(t, dtype=np.float64)
         inside = np.clip(t, 0.0, self.duration)
         i = np.clip(np.searchsorted(self.time, inside, side="right") - 1, 0, len(self.time) - 2)
@@ -151,7 +149,9 @@ class PhaseTrajectory:
         row = np.clip(np.searchsorted(grid, lam, side="right") - 1, 0, len(grid) - 2)
         way = grid[row + 1] - grid[row]
         share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)[..., None]
-        low, high = ((1.0 - share) * rows[row] + share * rows[row + 1] for rows in (dynamics.torque_min, dynamics.torque_max))
+        low, high = (
+            (1.0 - share) * rows[row] + share * rows[row + 1] for rows in (dynamics.torque_min, dynamics.torque_max)
+        )
         half, middle = 0.5 * (high - low), 0.5 * (high + low)
         ratio = np.abs(torque - middle) / np.maximum(half, 1e-300)
         worst = np.unravel_index(int(ratio.argmax()), ratio.shape)

@@ -1,11 +1,14 @@
 r"""Schedules: when every arm of a cell is where on its path, by method, with a certified lower bound and a certificate.
 
 ``sequential``             one arm after the other, each in minimum time
-``constant-speed``         constant acceleration over a quarter of the path at either end, constant speed between, start delayed
-``constant-acceleration``  constant acceleration over half the path and constant deceleration over the other, start delayed
+``constant-speed``         constant acceleration over a quarter of the path at either end, constant speed between,
+start delayed
+``constant-acceleration``  constant acceleration over half the path and constant deceleration over the other, start
+delayed
 ``delay``                  minimum time, start delayed ("method 1" of Lee1991 section 2.4)
 ``vci``                    velocity control intervals ("method 3", the paper's own)
-``optimal``                the shorter ``delay`` of both orders: the optimum where one arm goes first through every region
+``optimal``                the shorter ``delay`` of both orders: the optimum where one arm goes first through every
+region
 
 **Delay.** With ``tau(lambda)`` the time at which the master releases the slave's place ``lambda`` for good and
 ``theta(lambda)`` the time at which the slave's own motion is there, the start must wait for
@@ -17,12 +20,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.errors import CollisionError, InfeasibleError, UnknownNameError
+from armtempo.errors import InfeasibleError, UnknownNameError
 from armtempo.planners._cell import Cell
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._phase_plane import PhasePlane
@@ -134,7 +137,9 @@ class Schedule:
         return covered(0.0, self.makespan, 24)
 
 
-def _start_delay(chart: CoordinationChart, master: PhaseTrajectory, slave: PhaseTrajectory, names: tuple[str, str]) -> float:
+def _start_delay(
+    chart: CoordinationChart, master: PhaseTrajectory, slave: PhaseTrajectory, names: tuple[str, str]
+) -> float:
     """The shortest wait [s] before ``slave`` that keeps it behind ``master`` in every collision region.
 
     Raises:
@@ -212,7 +217,7 @@ def _constant_acceleration(cell: Cell, order: tuple[int, ...]) -> Schedule:
 
 
 def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
-    """Constant acceleration over a share ``ramp`` of the path at either end, constant speed in between, as fast as the limits allow.
+    """Constant acceleration over a share ``ramp`` of the path at either end, constant speed between, all at the limits.
 
     ``mu^2 = 2 a way`` with ``way`` the distance into the ramp, so every torque is linear in ``a``: the largest one is
     a minimum over the stations.
@@ -260,8 +265,6 @@ _PLANNERS: dict[str, Callable[..., Schedule]] = {
 METHODS = tuple(_PLANNERS)
 
 
-
-
 def schedule(cell: Cell, method: str, **options: Any) -> Schedule:
     """Plan when every arm of a cell moves.
 
@@ -281,7 +284,8 @@ def schedule(cell: Cell, method: str, **options: Any) -> Schedule:
         return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
     if len(cell.arms) > 2:
         raise InfeasibleError(
-            f"cell {cell.name!r} has {len(cell.arms)} arms: two are scheduled in this version", remedy="leave two arms in the cell"
+            f"cell {cell.name!r} has {len(cell.arms)} arms: two are scheduled in this version",
+            remedy="leave two arms in the cell",
         )
     cell.check_ends()
     return _PLANNERS[method](cell, (0, 1), **options)

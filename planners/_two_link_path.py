@@ -24,7 +24,9 @@ from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
 
-SINGULAR_SINE = 0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
+SINGULAR_SINE = (
+    0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
+)
 SAMPLES = 2049
 
 
@@ -73,7 +75,9 @@ class TwoLinkPath(JointPath):
         axis = first[:3, :3] @ arm.model.axis[0]
         side = float(axis @ (second[:3, :3] @ arm.model.axis[1]))
         if abs(abs(side) - 1.0) > 1e-9:
-            raise PathError(f"the two joint axes of arm {arm.name!r} are not parallel", remedy="use a planar two-link arm")
+            raise PathError(
+                f"the two joint axes of arm {arm.name!r} are not parallel", remedy="use a planar two-link arm"
+            )
         upper, lower = second[:3, 3] - first[:3, 3], tip - second[:3, 3]
         upper, lower = upper - axis * (axis @ upper), lower - axis * (axis @ lower)
         self._l1, self._l2 = float(np.linalg.norm(upper)), float(np.linalg.norm(lower))
@@ -105,8 +109,8 @@ class TwoLinkPath(JointPath):
         for k, wrong in ((int(radius.argmax()), "far"), (int(radius.argmin()), "near")):
             if not abs(l1 - l2) <= radius[k] <= l1 + l2:
                 raise PathError(
-                    f"path of arm {name!r} is unreachable at station {station[k]:.4g} m: {radius[k]:.4g} m from its base, "
-                    f"too {wrong} for links of {l1:.4g} m and {l2:.4g} m",
+                    f"path of arm {name!r} is unreachable at station {station[k]:.4g} m: "
+                    f"{radius[k]:.4g} m from its base, too {wrong} for links of {l1:.4g} m and {l2:.4g} m",
                     remedy="move the path or the base",
                     arm=name,
                     station=float(station[k]),

@@ -5,12 +5,12 @@ The slave runs at full speed until it would be past the collision point C(t). Th
 1. the shortest interval before t in which braking as hard as the limits allow keeps it behind C is its VCI;
 2. the room that is left is used: brake over all but the last step of the VCI, and search there the torque that just
    keeps behind C (Fig. 3);
-3. if even full acceleration in that step does, the adjusted step moves one step earlier, and those behind it run at full
-   acceleration (Fig. 4), and so on.
+3. if even full acceleration in that step does, the adjusted step moves one step earlier, and those behind it run at
+   full acceleration (Fig. 4), and so on.
 
-Made safe where the paper is not: C is the closure of the chart (what blocks *later* counts), it is asked several times a
-step with the slave's place at the end and the master's at the beginning, so nothing is missed in between, and the slave
-never leaves its controllable set.
+Made safe where the paper is not: C is the closure of the chart (what blocks *later* counts), it is asked several
+times a step with the slave's place at the end and the master's at the beginning, so nothing is missed in between, and
+the slave never leaves its controllable set.
 """
 
 from __future__ import annotations
@@ -38,7 +38,17 @@ BISECTIONS = 40
 
 @njit
 def _step(
-    rows: Rows, edges: Edges, lam: float, mu: float, command: float, by_speed: bool, dt: float, checks: int, limit: Array, at: int, scratch: Array
+    rows: Rows,
+    edges: Edges,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    dt: float,
+    checks: int,
+    limit: Array,
+    at: int,
+    scratch: Array,
 ) -> tuple[float, float, float, bool]:
     """One step under one command; also the time used and whether it stays behind the limit all the while."""
     used, safe = 0.0, True
@@ -53,7 +63,16 @@ def _step(
 
 @njit
 def _replay(
-    rows: Rows, edges: Edges, state: Array, command: Array, first: int, last: int, by_speed: bool, dt: float, checks: int, limit: Array
+    rows: Rows,
+    edges: Edges,
+    state: Array,
+    command: Array,
+    first: int,
+    last: int,
+    by_speed: bool,
+    dt: float,
+    checks: int,
+    limit: Array,
 ) -> bool:
     """Run steps first..last from the stored state, storing states; whether all stay behind the limit."""
     scratch = np.empty((0, 3))
@@ -83,7 +102,8 @@ def control_intervals(
 
     ``state`` (K+1, 3): lam, mu, time used in the step before; row 0 is the start. ``limit`` (K checks,): C at the
     beginning of every check. ``count`` (4,): corrections, those of Fig. 3, those of Fig. 4, longest VCI in steps.
-    ``history`` (C, 4): of the first C corrections the step of the collision, first step of the VCI, adjusted step, its command.
+    ``history`` (C, 4): of the first C corrections the step of the collision, first step of the VCI, adjusted step,
+    its command.
     """
     end = rows.station[-1]
     k = 0
@@ -105,7 +125,9 @@ def control_intervals(
             adjusted = k
             while True:  # steps 2-5: use the room that is left
                 command[adjusted] = 1.0
-                if adjusted == first or not _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit):
+                if adjusted == first or not _replay(
+                    rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit
+                ):
                     break
                 adjusted -= 1
             low, high = 0.0, 1.0
@@ -132,7 +154,15 @@ def control_intervals(
 
 @njit
 def _behind(
-    rows: Rows, edges: Edges, lam: float, mu: float, command: float, by_speed: bool, dt: float, checks: int, limit: Array
+    rows: Rows,
+    edges: Edges,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    dt: float,
+    checks: int,
+    limit: Array,
 ) -> bool:
     """Whether one step under a command, then maximum braking to rest, stays behind the limit."""
     scratch = np.empty((0, 3))
@@ -200,14 +230,26 @@ class VelocityControl:
         """
         commands, counts, steps, history = self._solve(master, lam, mu, record=True)
         if steps < 0:
+            names = [repr(plane.dynamics.arm.name) if plane.dynamics.arm else "" for plane in (self.master, self.slave)]
+            late = (-1 - steps) * self.period
+            if late >= master.duration:  # the limit stands still by then: not braking failed, time ran out
+                raise InfeasibleError(
+                    f"arm {names[0]} ends in the way of arm {names[1]}: closer than {self.chart.d_min:.4g} m for ever",
+                    remedy="let the other go first (swap the order of the arms), or move its end",
+                    reason="parked in the way",
+                )
             raise InfeasibleError(
-                f"velocity control cannot keep the slave behind the master: it would collide {(-1 - steps) * self.period:.4g} s "
+                f"velocity control cannot keep arm {names[1]} behind arm {names[0]}: it would collide {late:.4g} s "
                 "from now even if it brakes at once",
                 remedy="let the other arm go first (swap the order of the arms), or move a start or an end",
                 reason="braking from the start is not enough",
             )
         trajectory = self.slave.motion(
-            np.repeat(commands, self.checks), np.full(len(commands) * self.checks, self.period / self.checks), lam, mu, mode=self.mode
+            np.repeat(commands, self.checks),
+            np.full(len(commands) * self.checks, self.period / self.checks),
+            lam,
+            mu,
+            mode=self.mode,
         )
         corrections = int(counts[0])
         history = history[:corrections].copy()
@@ -238,8 +280,8 @@ class VelocityControl:
     def guarded(self, command: float, lam: float, mu: float, master_lam: float, master_mu: float) -> float:
         """The command, cut back until the slave could still brake behind a master that brakes too.
 
-        Maximum braking after one period must stay behind a master that brakes as hard as it can from now on. Every master
-        is at least as far as that one, so a master that is late, slow or stops costs time, never a collision.
+        Maximum braking after one period must stay behind a master that brakes as hard as it can from now on. Every
+        master is at least as far as that one, so a master that is late, slow or stops costs time, never a collision.
         """
         stopping = self.master.braking(master_lam, master_mu)
         longest = self.period + self.slave.braking(lam, mu).duration + self.slave.fastest().duration
