@@ -146,9 +146,10 @@ class Cell:
             CollisionError: It comes too close; the message names the station and the bodies.
         """
         arm, path = self.arms[i], self.paths[i]
-        checks = [(self.clearance.self_collision, 0.0, "itself")]
+        # of two own links both move; plans keep off obstacles by the reserve too
+        checks = [(self.clearance.self_collision, 0.0, 2.0, "itself")]
         if self.obstacles:
-            checks.append((self.clearance.obstacles, self.d_min, "an obstacle"))
+            checks.append((self.clearance.obstacles, self.planned_clearance, 1.0, "an obstacle"))
         smallest = round(1.0 / FINEST_STATION)
         sweeps = swept_displacements(arm, path, smallest)
         stack = [(1, 0)]
@@ -157,9 +158,9 @@ class Cell:
             station = path.length * (k + 0.5) / cells
             q = path.evaluate(station)[0]
             sweep = sweeps[cells][k]
-            for ask, required, what in checks:
+            for ask, required, movers, what in checks:
                 nearest = ask(i, q)
-                if nearest.distance - sweep >= required:
+                if nearest.distance - movers * sweep >= required:
                     continue
                 if nearest.distance < required or cells >= smallest:
                     raise CollisionError(

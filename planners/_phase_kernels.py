@@ -209,8 +209,8 @@ def advance(
     rows at both ends of the piece, and no point above the controllable set. ``by_speed``: ``u`` heads for ``command``
     times ``mu*`` (0: brake as hard as the limits allow); else ``u = u_low + command (u_high - u_low)``. The edge is
     obeyed to rounding, so the end can always be met; the rows *inside* a piece hold to the second order of its length.
-    ``record`` (K, 3) receives (time, lam, mu) after every piece; (0, 3): none. Returns lam, mu, the time used (less than
-    ``dt`` only on arrival) and the length of the record.
+    ``record`` (K, 3) receives (time, lam, mu) after every piece; (0, 3): none. Returns lam, mu, the time used (less
+    than ``dt`` only on arrival) and the length of the record.
     """
     station = rows.station
     last = station.shape[0] - 1

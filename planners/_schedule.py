@@ -207,13 +207,21 @@ def _optimal(cell: Cell, order: tuple[int, ...]) -> Schedule:
 
 
 def _constant_speed(cell: Cell, order: tuple[int, ...]) -> Schedule:
-    motions = tuple(_trapezoid(plane, 0.25) for plane in cell.planes)
-    return Schedule(method="constant-speed", cell=cell, trajectories=_delayed(cell, motions, order), order=order)
+    return _trapezoidal(cell, order, "constant-speed")
 
 
 def _constant_acceleration(cell: Cell, order: tuple[int, ...]) -> Schedule:
-    motions = tuple(_trapezoid(plane, 0.5) for plane in cell.planes)
-    return Schedule(method="constant-acceleration", cell=cell, trajectories=_delayed(cell, motions, order), order=order)
+    return _trapezoidal(cell, order, "constant-acceleration")
+
+
+_RAMPS = {"constant-speed": 0.25, "constant-acceleration": 0.5}
+
+
+def _trapezoidal(cell: Cell, order: tuple[int, ...], method: str) -> Schedule:
+    motions = tuple(_trapezoid(plane, _RAMPS[method]) for plane in cell.planes)
+    if len(motions) > 1:
+        motions = _delayed(cell, motions, order)
+    return Schedule(method=method, cell=cell, trajectories=motions, order=order)
 
 
 def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
@@ -281,6 +289,8 @@ def schedule(cell: Cell, method: str, **options: Any) -> Schedule:
     if method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
     if len(cell.arms) == 1:
+        if method in _RAMPS:
+            return _trapezoidal(cell, (0,), method)
         return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
     if len(cell.arms) > 2:
         raise InfeasibleError(
