@@ -34,7 +34,7 @@ from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 
 Array = NDArray[np.float64]
 
-FINEST_STATION = 2**-12  # share of a path's length to which obstacles and self-collision are certified
+FINEST_STATION = 2**-10  # share of a path's length to which obstacles and self-collision are certified
 
 
 @dataclass(frozen=True, kw_only=True)

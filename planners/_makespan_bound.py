@@ -21,6 +21,7 @@ from armtempo.robots import njit
 
 Array = NDArray[np.float64]
 CELLS = 2000  # along the slower arm
+COARSEST = 2048  # chart cells along each side
 
 
 @njit
@@ -68,14 +69,22 @@ def makespan_bound(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart
     """
     longest = max(fastest_a.duration, fastest_b.duration)
     h = longest / CELLS
-    blocked = np.zeros((chart.resolution + 1,) * 2, dtype=np.int32)
-    blocked[1:, 1:] = np.cumsum(np.cumsum(chart.states == BLOCKED, axis=0, dtype=np.int32), axis=1)
+    # A coarser cell counts as blocked where all of its cells are: still a bound, and it stays in the cache.
+    shut, share = chart.states == BLOCKED, 1
+    while len(shut) > COARSEST:
+        shut = shut[0::2] & shut[1::2]
+        shut = shut[:, 0::2] & shut[:, 1::2]
+        share *= 2
+    resolution = len(shut)
+    blocked = np.zeros((resolution + 1,) * 2, dtype=np.int32)
+    np.cumsum(shut, axis=0, out=blocked[1:, 1:])
+    np.cumsum(blocked, axis=1, out=blocked)
     touched = []
-    for fastest, step in ((fastest_a, chart.step_a), (fastest_b, chart.step_b)):
+    for fastest, step in ((fastest_a, share * chart.step_a), (fastest_b, share * chart.step_b)):
         count = max(math.ceil(fastest.duration / h * (1.0 - 1e-12)), 1)
         lam = fastest.at(h * np.arange(count + 1))[0]
         low = np.floor(lam[:-1] / step - 1e-9)  # a warped cell that touches a chart cell counts with all of it
         high = np.ceil(lam[1:] / step + 1e-9)
-        touched += [np.clip(low, 0, chart.resolution - 1), np.clip(high, 1, chart.resolution)]
+        touched += [np.clip(low, 0, resolution - 1), np.clip(high, 1, resolution)]
     cells = _fewest_cells(blocked, *touched)
     return max(longest, (cells - 1) * h) if cells else math.inf

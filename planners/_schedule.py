@@ -231,7 +231,9 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
     a minimum over the stations.
     """
     rows, length = plane.rows, plane.length
-    station = np.union1d(rows.station, [ramp * length, (1.0 - ramp) * length])
+    profile = np.union1d(rows.station, [ramp * length, (1.0 - ramp) * length])
+    jumps = rows.station[1:][np.diff(rows.station) == 0.0]
+    station = np.union1d(profile, jumps - 1e-9 * length)  # coefficients before a jump count too
     way = np.minimum(np.minimum(station, length - station), ramp * length)
     M, Q, _, S = plane.dynamics.evaluate(station)
     limits = (plane.dynamics.torque_min, plane.dynamics.torque_max)
@@ -245,7 +247,8 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
         largest = min(largest, float(bound.min()))
     if largest <= 0.0:
         raise InfeasibleError("no constant acceleration keeps the torque limits", remedy="use another method")
-    return PhaseTrajectory.from_profile(station, np.sqrt(2.0 * largest * way), plane.dynamics)
+    way = np.minimum(np.minimum(profile, length - profile), ramp * length)
+    return PhaseTrajectory.from_profile(profile, np.sqrt(2.0 * largest * way), plane.dynamics)
 
 
 def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:

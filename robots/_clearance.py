@@ -243,6 +243,10 @@ class Clearance:
         self._set(i, q)
         return self._nearest(self._self[i], cutoff)
 
+    def self_pairs(self, i: int) -> int:
+        """Number of pairs of shapes that ``self_collision`` looks at for arm i."""
+        return len(self._self[i].pairs)
+
     def _unknown(self, arms: tuple[int, ...]) -> NoReturn:
         raise RobotError(f"no arms {arms}", remedy=f"give two different numbers from 0 to {len(self._q_of) - 1}")
 
