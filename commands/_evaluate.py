@@ -1,0 +1,198 @@
+"""``armtempo evaluate``: every policy in the simulation, in one table and a few pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from armtempo.commands._output import (
+    CellName,
+    JsonFile,
+    OutFolder,
+    Output,
+    default_folder,
+    new_table,
+    number,
+    open_cell,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from armtempo.agents import Evaluation, PolicyResult
+
+NARROW = 100  # below this many columns the table leaves two out
+TIE = 1e-4  # [s] makespans this close share the bold print
+
+
+def evaluate(
+    cell: CellName,
+    *,
+    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = (),
+    episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 1,
+    seed: Annotated[int, tyro.conf.arg(metavar="K")] = 0,
+    physics: Literal["bullet", "ideal"] = "bullet",
+    mode: Literal["speed", "acceleration"] = "speed",
+    master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
+    json_file: JsonFile = None,
+    out: OutFolder = None,
+    figures: bool = True,
+) -> None:
+    """Run policies in the simulated cell, compare them with each other and with the certified optimum, draw pictures.
+
+    Args:
+        cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
+        policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, optimal,
+            random.
+        episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
+        seed: Seed of the first episode; the next ones count on from it.
+        physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.
+        mode: What an action means: a share of the highest safe speed, or of the admissible accelerations.
+        master_late: Seconds by which the first arm starts late, which the others do not know.
+        json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
+        out: Folder for the PNG files.
+        figures: Draw pictures.
+    """
+    import math
+
+    from armtempo.errors import ArmtempoError
+
+    output = Output(json_file)
+    if episodes < 1:
+        raise ArmtempoError(f"--episodes must be at least 1, got {episodes}", remedy="try --episodes 1")
+    if seed < 0:
+        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
+    if not (math.isfinite(master_late) and master_late >= 0.0):
+        raise ArmtempoError(
+            f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
+        )
+    built = open_cell(cell, output)
+    from armtempo import agents
+
+    chosen = tuple(dict.fromkeys(policies)) or tuple(agents.POLICIES)
+    with output.progress("Simulating", len(chosen) * episodes) as (progress, task):
+
+        def on_episode(policy: str, episode: int) -> None:
+            progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
+
+        result = agents.evaluate(
+            built,
+            chosen,
+            episodes=episodes,
+            seed=seed,
+            physics=physics,
+            mode=mode,
+            master_late_s=master_late,
+            on_episode=on_episode,
+        )
+    _tabulate(result, output, master_late)
+    output.json(result.to_dict())
+    if figures:
+        from armtempo.commands._plot import draw
+
+        folder = default_folder(built, out)
+        with output.progress("Drawing"):
+            drawn = evaluation_figures(result)
+        output.pictures(folder, draw(drawn, folder, output))
+
+
+def _finished(results: Mapping[str, PolicyResult]) -> dict[str, PolicyResult]:
+    """The policies that arrived without coming too close, quickest first."""
+    good = [(name, r) for name, r in results.items() if r.makespan_s is not None and not r.violations]
+    return dict(sorted(good, key=lambda item: item[1].makespan_s or 0.0))
+
+
+def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> None:
+    cell, results = evaluation.cell, evaluation.results
+    late = f"; master late by {1e3 * master_late:g} ms" if master_late else ""
+    table = new_table(
+        f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
+        f"decision every {1e3 * cell.control_period:g} ms{late})",
+        f"certified lower bound {cell.lower_bound:.4f} s; one after the other {cell.sequential_makespan:.4f} s; "
+        f"d_min {1e3 * cell.d_min:g} mm, plans keep {1e3 * cell.config.clearance_reserve_m:g} mm more",
+    )
+    table.add_column("policy", no_wrap=True)
+    roomy = output.console.width >= NARROW
+    heads = ["plan\n\\[s]", "simul.\n\\[s]", "saving\n\\[%]", "gap\n\\[%]", "clear.\n\\[mm]", "torque\n\\[x limit]"]
+    heads += ["demand\n\\[x limit]", "clipped\n\\[%]"] if roomy else []
+    for head in [*heads, "path\nerr. \\[mm]", "too close\n\\[ticks]"]:
+        table.add_column(head, justify="right")
+    good = _finished(results)
+    best = min((r.makespan_s for r in good.values() if r.makespan_s is not None), default=0.0)
+    for name, r in results.items():
+        bold = name in good and r.makespan_s is not None and r.makespan_s <= best + TIE
+        clearance = number(r.min_clearance_m, 2, 1e3)
+        row = [
+            name,
+            number(r.plan_makespan_s, 4 if roomy else 3),
+            number(r.makespan_s, 4 if roomy else 3),
+            number(r.saving_percent, 1),
+            number(r.gap_percent, 2),
+            f"[red]{clearance}[/]" if r.violations else clearance,
+            number(r.torque_ratio_max, 3),
+        ]
+        if roomy:
+            row += [number(r.torque_demand_ratio_max, 3), number(r.torque_clipped_fraction, 1, 100.0)]
+        row += [number(r.path_error_max_m, 3, 1e3), f"[bold red]{r.violations}[/]" if r.violations else "0"]
+        table.add_row(*row, style="bold" if bold else None)
+    output.table(table)
+    output.say(reading(evaluation))
+
+
+def reading(evaluation: Evaluation) -> str:
+    """What the table says, in a sentence: about vci where it is among those that finished, else about the quickest."""
+    good = _finished(evaluation.results)
+    if not good:
+        return "No policy finished without coming closer than d_min."
+    name = "vci" if "vci" in good else next(iter(good))
+    r = good[name]
+    assert r.makespan_s is not None
+    text = f"{name} needs {r.makespan_s:.3f} s"
+    if r.saving_percent is not None and abs(r.saving_percent) >= 0.5:
+        verb = "saves" if r.saving_percent > 0 else "loses"
+        text = f"{name} {verb} {abs(r.saving_percent):.0f} % against one arm after the other ({r.makespan_s:.3f} s"
+        text += f" instead of {evaluation.cell.sequential_makespan:.3f} s)"
+    if r.gap_percent is not None:
+        text += f", {number(r.gap_percent, 1)} % above the certified lower bound"
+    quickest = next(iter(good))
+    rival = good[quickest].makespan_s
+    if rival is not None and quickest != name and rival < r.makespan_s - TIE:
+        text += f" ({quickest}, the quickest: {number(good[quickest].gap_percent, 1)} %)"
+    wrong = [policy for policy, result in evaluation.results.items() if result.violations]
+    text += f". Too close: {', '.join(wrong)}." if wrong else ". No arm ever came closer than d_min."
+    return text
+
+
+def evaluation_figures(evaluation: Evaluation) -> dict[str, Figure]:
+    """Figures of an evaluation by file name; those of the plans where the policies have some."""
+    from armtempo.commands import _phase_figures, _space_figures, _time_figures
+
+    cell, results = evaluation.cell, evaluation.results
+    schedules = {name: r.schedule for name, r in results.items() if r.schedule is not None}
+    traces = {name: r.trace for name, r in results.items() if r.trace is not None}
+    emphasised = _time_figures.best_shown(_finished(results) or results)
+    figures = {
+        "overview": _time_figures.overview(evaluation),
+        "time_lines": _time_figures.time_lines(
+            cell, {name: _time_figures.simulated_speeds(trace) for name, trace in traces.items()}, cell.lower_bound
+        ),
+        "workspace": _space_figures.workspace(cell),
+    }
+    if emphasised in traces:
+        figures["torque"] = _time_figures.torques(
+            schedules.get(emphasised), traces[emphasised], cell, title=f"Torques: {emphasised}, {evaluation.physics}"
+        )
+    if len(cell.arms) > 1:
+        figures["clearance"] = _time_figures.clearances(
+            cell, schedules, traces, emphasised, f"Clearance between the arms, {evaluation.physics}"
+        )
+        figures["coordination_chart"] = _space_figures.coordination_chart(cell)
+        if schedules:
+            figures["relative_motion"] = _space_figures.relative_trajectories(cell, schedules, emphasised)
+    if emphasised in schedules:
+        figures["phase_plane"] = _phase_figures.phase_plane(
+            schedules[emphasised], f"Motions in the phase plane: {emphasised}"
+        )
+    return figures

@@ -1,0 +1,59 @@
+"""The ``armtempo`` command: reads the line, runs one subcommand, turns errors into one line and exit status 2."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+import tyro
+
+from armtempo import ArmtempoError, __version__
+from armtempo.commands._cells import cells
+from armtempo.commands._evaluate import evaluate
+from armtempo.commands._plan import plan
+from armtempo.commands._plot import plot
+from armtempo.commands._record import record
+from armtempo.commands._reproduce import reproduce
+
+DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
+
+Begin with `armtempo evaluate lee1991`; `armtempo COMMAND --help` explains a command's options."""
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "evaluate": evaluate,
+    "plan": plan,
+    "plot": plot,
+    "record": record,
+    "cells": cells,
+    "reproduce": reproduce,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line ``argv`` (default: the process's own) and return the exit status.
+
+    0: done; 1: the standard output was closed; 2: a wrong line or an error of armtempo, told in one line on stderr;
+    130: interrupted.
+    """
+    line = sys.argv[1:] if argv is None else list(argv)
+    if line == ["--version"]:
+        sys.stdout.write(f"armtempo {__version__}\n")
+        return 0
+    try:
+        tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)
+    except SystemExit as stop:  # --help, or a line that tyro has complained about
+        return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
+    except ArmtempoError as error:
+        sys.stderr.write(f"armtempo: error: {' '.join(str(error).split())}\n")
+        return 2
+    except BrokenPipeError:  # `armtempo ... | head`
+        sys.stderr.close()
+        return 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        sys.stderr.write(f"armtempo: error: {where}{error.strerror or error} (check the path and its permissions)\n")
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write("armtempo: interrupted\n")
+        return 130
+    return 0

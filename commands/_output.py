@@ -1,0 +1,212 @@
+"""What commands share: options, console, progress bars, and files that are written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
+    from rich.table import Table
+
+    from armtempo.planners import Cell, Schedule
+
+WIDTH = 118  # of tables that go to a file or a pipe
+
+CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
+JsonFile = Annotated[str | None, tyro.conf.arg(name="json", metavar="FILE", help_behavior_hint="(default: none)")]
+OutFolder = Annotated[
+    Path | None, tyro.conf.arg(name="out", metavar="DIR", help_behavior_hint="(default: results/<cell>)")
+]
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON can hold it: numpy scalars and tuples unpacked, what is not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A temporary file beside ``path``, with its suffix, that takes its place when the block ends without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # mkstemp's files are private
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+class Output:
+    """Where a command's words go: tables to stdout, progress to stderr, figures as JSON to a file or ``-`` (stdout).
+
+    Args:
+        json_file: ``--json`` of the command; with ``-`` nothing but JSON goes to stdout.
+    """
+
+    def __init__(self, json_file: str | None) -> None:
+        from rich.console import Console
+
+        self._json_file = json_file
+        self._quiet = json_file == "-"
+        self.console: Console = Console(file=sys.stdout, quiet=self._quiet, highlight=False)
+        if not self.console.is_terminal:
+            self.console.width = WIDTH
+        self._errors = Console(file=sys.stderr)
+
+    @contextmanager
+    def progress(self, what: str, total: float | None = None) -> Iterator[tuple[Progress, TaskID]]:
+        """A progress bar on stderr, or a spinner without ``total``; silent where nobody looks."""
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        counting = () if total is None else (BarColumn(), MofNCompleteColumn())
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), *counting, TimeElapsedColumn())
+        disable = self._quiet or not self._errors.is_terminal
+        with Progress(*columns, console=self._errors, transient=True, disable=disable) as progress:
+            yield progress, progress.add_task(what, total=total)
+
+    def say(self, text: str = "") -> None:
+        """One paragraph to stdout (rich markup)."""
+        self.console.print(text)
+
+    def table(self, table: Table) -> None:
+        """A table to stdout."""
+        self.console.print(table)
+
+    def json(self, value: Any) -> None:
+        """Write ``value`` where ``--json`` said, if it did."""
+        if self._json_file is None:
+            return
+        text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        if self._quiet:
+            sys.stdout.write(text)
+            return
+        with whole_file(Path(self._json_file)) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        self.say(f"Figures as JSON: {shown(self._json_file)}")
+
+    def pictures(self, folder: Path, names: Sequence[str]) -> None:
+        """Say where pictures are."""
+        self.say(f"Pictures in {shown(folder)}{os.sep}: {', '.join(names)}")
+
+
+@contextmanager
+def silent_stdout() -> Iterator[None]:
+    """Keep what compiled libraries print (PyBullet's renderer) out of the standard output.
+
+    stderr is left alone: it shows the progress bar.
+    """
+    sys.stdout.flush()
+    kept = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def shown(path: str | Path) -> str:
+    """A path as rich markup takes it literally."""
+    from rich.markup import escape
+
+    return escape(str(path))
+
+
+def new_table(title: str, caption: str = "") -> Table:
+    """An empty table in the style of all commands."""
+    from rich import box
+    from rich.table import Table
+
+    return Table(
+        title=title,
+        caption=caption or None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        caption_justify="left",
+        title_style="bold",
+        caption_style="dim",
+        pad_edge=False,
+        padding=(0, 1),
+        collapse_padding=True,
+    )
+
+
+def number(value: float | None, digits: int, scale: float = 1.0) -> str:
+    """A table's cell: ``value * scale`` with so many digits, a dash for what does not exist."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{round(value * scale, digits) + 0.0:.{digits}f}"  # adding 0.0 takes the sign off a zero
+
+
+def open_cell(name: str, output: Output) -> Cell:
+    """Load and certify a cell, with a spinner."""
+    with output.progress(f"Loading {name} (compiles once after installation, about a minute)"):
+        from armtempo.planners import load_cell
+
+        return load_cell(name)
+
+
+def plan_all(
+    cell: Cell, methods: Sequence[str], output: Output, *, period: float | None = None
+) -> tuple[dict[str, Schedule], dict[str, str], dict[str, float]]:
+    """Plan by every method, with a progress bar.
+
+    Returns:
+        Schedules by method; why the others have none; seconds taken by each.
+
+    Raises:
+        InfeasibleError: No method has a schedule (that of the last one asked).
+    """
+    import time
+
+    from armtempo.errors import InfeasibleError
+    from armtempo.planners import METHODS, schedule
+
+    schedules: dict[str, Schedule] = {}
+    refusals: dict[str, str] = {}
+    seconds: dict[str, float] = {}
+    chosen = tuple(dict.fromkeys(methods)) or METHODS
+    with output.progress("Planning", len(chosen)) as (progress, task):
+        _ = (cell.chart, cell.fastest) if len(cell.arms) > 1 else cell.fastest  # shared, no method's own time
+        for k, method in enumerate(chosen):
+            progress.update(task, description=f"Planning {method}", completed=k)
+            start = time.perf_counter()
+            try:
+                schedules[method] = schedule(cell, method, **({"period": period} if method == "vci" and period else {}))
+            except InfeasibleError as refusal:
+                refusals[method] = str(refusal)
+                if len(refusals) == len(chosen):
+                    raise
+            seconds[method] = time.perf_counter() - start
+    return schedules, refusals, seconds
+
+
+def default_folder(cell: Cell, out: Path | None) -> Path:
+    """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
+    return Path("results") / cell.name if out is None else out

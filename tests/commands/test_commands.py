@@ -1,0 +1,345 @@
+"""The command line: every command on the bundled cell, its JSON, its pictures, its errors."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as imageio
+import pytest
+
+from armtempo.commands import main
+from armtempo.configs import data_path
+
+POLICY_KEYS = {
+    "plan_makespan_s",
+    "makespan_s",
+    "saving_percent",
+    "gap_percent",
+    "plan_gap_percent",
+    "min_clearance_m",
+    "torque_ratio_max",
+    "torque_demand_ratio_max",
+    "torque_clipped_fraction",
+    "path_error_max_m",
+    "violations",
+}
+
+
+@pytest.fixture(autouse=True)
+def _work_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Callable[..., str]:
+    """Writes the bundled cell, coarse and with replacements, as the user's own file."""
+
+    def write(*replacements: tuple[str, str]) -> str:
+        text = data_path("cells/lee1991.yaml").read_text(encoding="utf-8")
+        for old, new in (("chart_tolerance_m: 0.0001", "chart_tolerance_m: 0.0004"), *replacements):
+            assert old in text
+            text = text.replace(old, new)
+        file = tmp_path / "mine.yaml"
+        file.write_text(text, encoding="utf-8")
+        return str(file)
+
+    return write
+
+
+def load(file: str) -> Any:
+    return json.loads(Path(file).read_text(encoding="utf-8"))
+
+
+def size(file: Path) -> tuple[int, int]:
+    """Width and height of a picture that is not of one colour."""
+    picture = imageio.imread(file)
+    assert picture.std() > 1.0, f"{file.name} is blank"
+    return picture.shape[1], picture.shape[0]
+
+
+def test_plan_compares_all_methods(capsys: pytest.CaptureFixture[str]) -> None:
+    from armtempo.planners import METHODS
+
+    assert main(["plan", "lee1991", "--json", "plan.json"]) == 0
+    out = capsys.readouterr().out
+    assert "certified lower bound 0.327" in out
+    data = load("plan.json")
+    assert tuple(data["methods"]) == METHODS
+    assert all(name in out for name in METHODS)
+    vci = data["methods"]["vci"]
+    assert 0.328 < vci["makespan_s"] < 0.345
+    assert vci["torque_ratio_max"] < 1.001
+    assert vci["min_clearance_m"] > data["d_min_m"]
+    assert vci["certified_free"] is True
+    assert 0.32 < data["lower_bound_s"] < data["methods"]["delay"]["makespan_s"]
+
+
+def test_plan_takes_methods_and_a_control_period(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["plan", "lee1991", "--methods", "vci", "delay", "--control-period", "0.001", "--json", "-"]
+    assert main(line) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert list(data["methods"]) == ["vci", "delay"]
+    assert data["control_period_s"] == 0.001
+    assert data["methods"]["vci"]["makespan_s"] == pytest.approx(0.342, abs=0.003)
+
+
+def test_plan_says_which_method_has_no_plan(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
+    # At 0.03 m between surfaces the slave may not wait at its start.
+    file = cell_file(("d_min_m: 0.01 ", "d_min_m: 0.03 "))
+    status = main(["plan", file, "--json", "plan.json"])
+    captured = capsys.readouterr()
+    if status == 0:
+        refused = [name for name, entry in load("plan.json")["methods"].items() if "error" in entry]
+        assert refused
+        assert all(f"{name} has no plan" in captured.out for name in refused)
+    else:
+        assert status == 2
+        assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("physics", ["ideal", "bullet"])
+def test_evaluate(physics: str, capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "lee1991", "--policies", "vci", "delay", "random", "--physics", physics]
+    pictures_too = ["--out", "pictures"] if physics == "ideal" else ["--no-figures"]
+    assert main([*line, "--json", "e.json", *pictures_too]) == 0
+    captured = capsys.readouterr()
+    data = load("e.json")
+    assert data["cell"] == "lee1991"
+    assert set(data["policies"]) == {"vci", "delay", "random"}
+    assert all(set(entry) >= POLICY_KEYS for entry in data["policies"].values())
+    vci = data["policies"]["vci"]
+    assert vci["violations"] == 0
+    assert vci["makespan_s"] == pytest.approx(0.336, abs=0.012)
+    assert vci["saving_percent"] == pytest.approx(41.0, abs=2.5)
+    assert vci["torque_ratio_max"] <= 1.0 + 1e-9
+    assert data["policies"]["random"]["plan_makespan_s"] is None
+    assert "vci saves 4" in captured.out
+    if physics == "bullet":
+        return
+    assert "Pictures in pictures" in captured.out
+    pictures = {file.name: size(file) for file in Path("pictures").glob("*.png")}
+    assert pictures["overview.png"] == (1890, 1290)
+    assert {"time_lines.png", "clearance.png", "torque.png", "relative_motion.png"} <= set(pictures)
+    assert all(name in captured.out.replace("\n", " ") for name in pictures)
+
+
+def test_evaluate_is_silent_but_for_json_on_stdout(capfd: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "lee1991", "--policies", "delay", "--physics", "ideal", "--no-figures", "--master-late", "0.03"]
+    assert main([*line, "--seed", "3", "--episodes", "2", "--json", "-"]) == 0
+    data = json.loads(capfd.readouterr().out)
+    assert data["seed"] == 3
+    assert data["episodes"] == 2
+    assert data["policies"]["delay"]["violations"] == 0
+    assert not Path("results").exists()
+
+
+def test_reproduce_lists_the_paper_beside_ours(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", "lee1991", "--json", "r.json"]) == 0
+    rows = load("r.json")
+    assert all(set(row) - {"note"} == {"quantity", "unit", "paper", "ours"} for row in rows)
+    by_name = {row["quantity"]: row for row in rows}
+    assert len(by_name) == len(rows)
+    # The print's own digits: Table 1 and the appendix are met to them.
+    for row in rows:
+        if row["unit"] in ("m", "kg m^2", "N m") and row["paper"] is not None:
+            assert row["ours"] == pytest.approx(row["paper"], abs=5e-5), row["quantity"]
+    assert by_name["one arm after the other"]["paper"] == 0.59
+    assert by_name["one arm after the other"]["ours"] == pytest.approx(0.572, abs=0.001)
+    for step in ("0.5", "1", "2", "4", "5"):
+        finish = by_name[f"slave's finish by VCI, step {step} ms"]
+        assert finish["paper"] == 0.33
+        assert 0.328 < finish["ours"] <= (0.345 if float(step) <= 2 else 0.352)
+    assert by_name["certified lower bound"]["paper"] is None
+    pictures = sorted(Path("results/lee1991").glob("*.png"))
+    assert [file.name[:4] for file in pictures if file.name.startswith("fig")] == [f"fig{k}" for k in range(1, 9)]
+    assert all(min(size(file)) > 400 for file in pictures)
+    assert "Pictures in results/lee1991" in capsys.readouterr().out
+
+
+def test_plot_draws_the_plans(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plot", cell_file(), "--method", "delay"]) == 0
+    pictures = {file.name for file in Path("results/lee1991").glob("*.png")}
+    assert {"workspace.png", "coordination_chart.png", "phase_plane.png", "running_time.png", "torque.png"} <= pictures
+    assert not list(Path("results/lee1991").glob(".*")), "a temporary file was left behind"
+    assert all(size(Path("results/lee1991") / name) for name in pictures)
+    assert "Pictures in" in capsys.readouterr().out
+
+
+def test_record_films_an_episode(capfd: pytest.CaptureFixture[str]) -> None:
+    assert main(["record", "lee1991", "--policy", "delay", "--physics", "ideal", "--out", "film.gif"]) == 0
+    assert imageio.imread("film.gif", index=0).shape == (480, 640, 3)
+    out = capfd.readouterr().out
+    assert "film.gif" in out
+    assert out.count("\n") <= 2, "the renderer's chatter stays out"
+
+
+def test_record_writes_mp4_and_folders_whole(tmp_path: Path) -> None:
+    import numpy as np
+
+    from armtempo.commands._record import write_film
+
+    frames = [np.full((48, 64, 3), shade, dtype=np.uint8) for shade in (0, 100, 200)]
+    write_film(frames, tmp_path / "film.mp4", 12.5)
+    assert (tmp_path / "film.mp4").stat().st_size > 500
+    write_film(frames, tmp_path / "pictures", 12.5)
+    assert len(list((tmp_path / "pictures").iterdir())) == 3
+
+
+def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cells", "--json", "list.json"]) == 0
+    assert [entry["cell"] for entry in load("list.json")] == ["lee1991"]
+    assert main(["cells", "lee1991", "--json", "cell.json"]) == 0
+    facts = load("cell.json")
+    assert [arm["minimum_time_s"] for arm in facts["arms"]] == pytest.approx([0.2862, 0.2862], abs=3e-4)
+    assert facts["clearance_at_start_m"] == pytest.approx(0.04, abs=1e-6)
+    out = capsys.readouterr().out
+    assert "planar_two_link" in out
+    assert "40.0 mm" in out
+
+
+def test_files_of_ones_own_work(cell_file: Callable[..., str]) -> None:
+    file = cell_file(("name: lee1991", "name: mine"))
+    assert main(["plan", file, "--methods", "delay", "--json", "deep/in/plan.json"]) == 0
+    assert load("deep/in/plan.json")["cell"] == "mine"
+
+
+# Errors: one line on stderr, status 2, no traceback.
+
+
+def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(line) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert err.startswith("armtempo: error: ")
+    assert "Traceback" not in err
+    return err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (["plan", "lee1919"], ["unknown cell 'lee1919'", "did you mean 'lee1991'"]),
+        (["plan", "nowhere.yaml"], ["nowhere.yaml", "no such file"]),
+        (["plan", "lee1991", "--methods", "vcii"], ["unknown method 'vcii'", "did you mean 'vci'"]),
+        (["plan", "lee1991", "--control-period", "-1"], ["--control-period", "positive"]),
+        (["plan", "lee1991", "--control-period", "nan"], ["--control-period", "positive"]),
+        (["evaluate", "lee1991", "--policies", "vcii"], ["unknown policy 'vcii'", "did you mean 'vci'"]),
+        (["evaluate", "lee1991", "--episodes", "0"], ["--episodes", "at least 1"]),
+        (["evaluate", "lee1991", "--seed", "-1"], ["--seed"]),
+        (["evaluate", "lee1991", "--master-late", "nan"], ["--master-late"]),
+        (["reproduce", "lee1990"], ["unknown paper 'lee1990'", "lee1991"]),
+        (["plot", "lee1991", "--method", "fast"], ["unknown method 'fast'", "known:"]),
+        (["record", "lee1991", "--out", "film.avi"], ["film format '.avi'", ".mp4 or .gif"]),
+        (["record", "lee1991", "--slow", "0"], ["--slow"]),
+        (["record", "lee1991", "--policy", "nobody"], ["unknown policy 'nobody'"]),
+    ],
+)
+def test_wrong_names_and_values_are_told(line: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    err = complaint(line, capsys)
+    for word in words:
+        assert word in err
+    assert not list(Path.cwd().iterdir()), "nothing is written"
+
+
+def test_colliding_starts_are_told(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
+    err = complaint(["evaluate", cell_file(("d_min_m: 0.01 ", "d_min_m: 0.05 "))], capsys)
+    assert "collide where they start" in err
+    assert "d_min_m" in err
+
+
+def test_yaml_slips_are_told(cell_file: Callable[..., str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    err = complaint(["cells", cell_file(("d_min_m: 0.01 ", "d_mni_m: 0.01 "))], capsys)
+    assert "d_mni_m" in err
+    (tmp_path / "broken.yaml").write_text("arms: [1, 2\nname: x", encoding="utf-8")
+    assert "broken.yaml" in complaint(["plan", "broken.yaml"], capsys)
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "taken").write_text("", encoding="utf-8")
+    err = complaint(["cells", "--json", "taken/list.json"], capsys)
+    assert "taken" in err
+
+
+@pytest.mark.parametrize("line", [[], ["plann", "lee1991"], ["plan"], ["evaluate", "lee1991", "--episodes", "few"]])
+def test_wrong_lines_are_status_2(line: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(line) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
+    from armtempo.commands._output import whole_file
+
+    target = tmp_path / "figures.json"
+    target.write_text("old", encoding="utf-8")
+
+    def write_half() -> None:
+        with whole_file(target) as temporary:
+            temporary.write_text("ne", encoding="utf-8")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_half()
+    assert [file.name for file in tmp_path.iterdir()] == ["figures.json"]
+    assert target.read_text(encoding="utf-8") == "old"
+
+
+# Help
+
+
+@pytest.mark.parametrize(
+    ("command", "first_line", "words"),
+    [
+        ("plan", "Plan when every arm", ["--methods", "--control-period S", "seconds", "--json FILE"]),
+        (
+            "evaluate",
+            "Run policies in the simulated cell",
+            ["--episodes N", "--seed K", "--master-late S", "--out DIR"],
+        ),
+        ("reproduce", "Compute every table value", ["PAPER", "--json FILE"]),
+        ("plot", "Draw a cell and its plans", ["--method NAME", "(default: vci)"]),
+        ("record", "Film one episode", ["--slow X", ".mp4", ".gif", "(default: 20.0)"]),
+        ("cells", "List the cells", ["[CELL]"]),
+    ],
+)
+def test_help_explains(command: str, first_line: str, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert first_line in out.split("\n\n")[1]
+    for word in words:
+        assert word in out
+
+
+def test_help_names_all_methods_and_policies(capsys: pytest.CaptureFixture[str]) -> None:
+    from armtempo.agents import POLICIES
+    from armtempo.planners import METHODS
+
+    for command, names in (("plan", METHODS), ("plot", METHODS), ("evaluate", POLICIES), ("record", POLICIES)):
+        assert main([command, "--help"]) == 0
+        out = capsys.readouterr().out
+        assert all(name in out for name in names), command
+
+
+def test_help_needs_no_numerics() -> None:
+    code = (
+        "import sys; from armtempo.commands import main; status = main(['--help']); "
+        "heavy = {'numba', 'pybullet', 'matplotlib', 'fcl', 'scipy'} & set(sys.modules); sys.exit(status or len(heavy))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "120"}
+    )
+    assert done.returncode == 0, done.stderr
+    assert "armtempo evaluate lee1991" in done.stdout
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    import armtempo
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"armtempo {armtempo.__version__}\n"
