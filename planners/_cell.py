@@ -62,6 +62,9 @@ class Cell:
     planes: tuple[PhasePlane, ...]
     clearance: Clearance
 
+    def __deepcopy__(self, memo: dict[int, object]) -> Cell:
+        return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+
     @property
     def d_min(self) -> float:
         """Smallest allowed distance between two arms, and to obstacles [m]."""

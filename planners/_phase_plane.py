@@ -8,12 +8,13 @@ forward pass the fastest motion inside it. The pointwise largest admissible prof
 
 from __future__ import annotations
 
+import math
 from typing import Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import ActionError, InfeasibleError
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_kernels import (
     Edges,
@@ -147,10 +148,20 @@ class PhasePlane:
         motion and 0 is maximum braking. ``acceleration``: takes that share of the interval between the lowest and the
         highest admissible ``mu_dot``. From every state reached so, the end can be met at rest.
         """
+        command = self._checked(command, lam, mu, dt)
         lam, mu, used, _ = advance(
-            self.rows, self.edges, float(lam), float(mu), float(command), mode == "speed", float(dt), NO_RECORD, 0
+            self.rows, self.edges, float(lam), float(mu), command, mode == "speed", float(dt), NO_RECORD, 0
         )
         return float(lam), float(mu), float(used)
+
+    @staticmethod
+    def _checked(command: float, *state: float) -> float:
+        """The command, clipped: beyond [0, 1] it would break the torque limits, and NaN would pass every comparison."""
+        if not (math.isfinite(command) and all(math.isfinite(value) for value in state)):
+            raise ActionError(
+                f"command, lam, mu and time step must be finite, got {command}, {', '.join(map(str, state))}"
+            )
+        return min(max(float(command), 0.0), 1.0)
 
     def fastest(self, mu_start: float = 0.0) -> PhaseTrajectory:
         """The minimum-time motion from ``mu_start`` to ``mu_end``.
@@ -190,6 +201,7 @@ class PhasePlane:
         clock = 0.0
         for command, dt in zip(np.atleast_1d(commands), np.atleast_1d(times), strict=True):
             step = min(float(dt), 1e3)
+            command = self._checked(command, lam, mu, step)
             lam, mu, used, count = advance(
                 self.rows, self.edges, lam, mu, float(command), mode == "speed", step, record, 0
             )

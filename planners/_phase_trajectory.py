@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armtempo.errors import InfeasibleError
 from armtempo.planners._path_dynamics import PathDynamics
 
 Array = NDArray[np.float64]
@@ -73,10 +74,8 @@ class PhaseTrajectory:
         """The motion through ``(lam, mu)`` rows, after standing at its start for ``delay`` [s]."""
         lam, mu = np.asarray(lam, dtype=np.float64), np.asarray(mu, dtype=np.float64)
         steps = np.divide(2.0 * np.diff(lam), mu[:-1] + mu[1:], out=np.zeros(len(lam) - 1), where=np.diff(lam) > 0.0)
-        time = delay + np.concatenate([[0.0], np.cumsum(steps)])
-        if delay > 0.0:
-            lam, mu, time = (np.concatenate([[first], rows]) for first, rows in ((lam[0], lam), (0.0, mu), (0.0, time)))
-        return cls(lam=lam, mu=mu, time=time, dynamics=dynamics, mu_end=mu_end)
+        time = np.concatenate([[0.0], np.cumsum(steps)])
+        return cls(lam=lam, mu=mu, time=time, dynamics=dynamics, mu_end=mu_end).delayed(delay)
 
     @cached_property
     def mu_dot(self) -> Array:
@@ -99,6 +98,8 @@ class PhaseTrajectory:
         """The same motion after standing at its start for ``delay`` [s] more."""
         if delay <= 0.0:
             return self
+        if self.mu[0] > 0.0:
+            raise InfeasibleError(f"a motion that starts with mu = {self.mu[0]:.4g} cannot wait at its start")
         return PhaseTrajectory(
             lam=np.concatenate([self.lam[:1], self.lam]),
             mu=np.concatenate([[0.0], self.mu]),

@@ -1,0 +1,114 @@
+"""Cost of the environments: resets, steps per second, and ratios taken in the same run (one machine, one load)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from armtempo.envs import CoordinationEnv, Physics, YieldingEnv
+from armtempo.envs._scene import Scene
+from armtempo.planners import Cell
+
+RESET_MS = 2.0
+BARE_RATIO = 2.0
+IDEAL_RATIO = 10.0
+ACTION = np.array([0.2], dtype=np.float32)
+LATE = 0.1  # so that whole episodes run without a violation
+
+
+def _seconds_per_step(env: YieldingEnv, steps: int) -> float:
+    env.reset(seed=0)
+    began = time.perf_counter()
+    for _ in range(steps):
+        _, _, terminated, truncated, _ = env.step(ACTION)
+        if terminated or truncated:
+            env.reset()
+    return (time.perf_counter() - began) / steps
+
+
+def _bare_loop(scene: Scene, ticks: int) -> float:
+    """What anyone would write: states, PD and inverse dynamics, torques, step; no clearance, no path, no record."""
+    client = scene.client
+    goal = [np.zeros(len(joints)) for joints in scene.joints]
+    began = time.perf_counter()
+    for _ in range(ticks):
+        for body, joints, wanted in zip(scene.bodies, scene.joints, goal, strict=True):
+            states = pybullet.getJointStates(body, joints, physicsClientId=client)
+            q = np.array([state[0] for state in states])
+            qd = np.array([state[1] for state in states])
+            qdd = 100.0 * (wanted - q) - 20.0 * qd
+            torque = pybullet.calculateInverseDynamics(
+                body, q.tolist(), qd.tolist(), qdd.tolist(), physicsClientId=client
+            )
+            pybullet.setJointMotorControlArray(
+                body,
+                joints,
+                pybullet.TORQUE_CONTROL,
+                forces=np.clip(torque, -25.0, 25.0).tolist(),
+                physicsClientId=client,
+            )
+        pybullet.stepSimulation(physicsClientId=client)
+    return (time.perf_counter() - began) / ticks
+
+
+def _best_ratio(a: Callable[[], float], b: Callable[[], float], rounds: int = 15) -> tuple[float, float, float]:
+    """Best times of two loops, run in turns so that both meet the same load, and their ratio."""
+    times = np.array([(a(), b()) for _ in range(rounds)]).min(axis=0)
+    return float(times[0]), float(times[1]), float(times[0] / times[1])
+
+
+@pytest.mark.parametrize("physics", ["bullet", "ideal"])
+def test_reset(benchmark: BenchmarkFixture, lee1991: Cell, physics: Physics) -> None:
+    env = CoordinationEnv(lee1991, physics=physics)
+    try:
+        benchmark(env.reset)
+        assert benchmark.stats.stats.median < RESET_MS * 1e-3
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize("physics", ["bullet", "ideal"])
+def test_steps_per_second(benchmark: BenchmarkFixture, lee1991: Cell, physics: Physics) -> None:
+    env = YieldingEnv(lee1991, physics=physics, master_late_s=LATE)
+    try:
+        steps = 200 if physics == "bullet" else 2000
+        per_step = benchmark.pedantic(_seconds_per_step, args=(env, steps), rounds=5, warmup_rounds=1)
+        benchmark.extra_info["steps_per_s"] = 1.0 / per_step
+    finally:
+        env.close()
+
+
+def test_bullet_against_a_bare_loop(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+    env, scene = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE), Scene(lee1991)
+    try:
+        pybullet.setTimeStep(lee1991.physics_tick, physicsClientId=scene.client)
+        pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=scene.client)
+        scene.place(np.array([path.evaluate(0.0)[0] for path in lee1991.paths]))
+        ticks = lee1991.ticks_per_period
+        ours, bare, ratio = _best_ratio(
+            lambda: _seconds_per_step(env, 150) / ticks, lambda: _bare_loop(scene, 150 * ticks)
+        )
+        with capsys.disabled():
+            print(f"\nbullet: {ours * 1e6:.0f} us a tick, bare loop {bare * 1e6:.0f} us, ratio {ratio:.2f}")  # noqa: T201
+        assert ratio <= BARE_RATIO
+    finally:
+        env.close()
+        scene.close()
+
+
+def test_ideal_against_bullet(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+    bullet = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE)
+    ideal = YieldingEnv(lee1991, physics="ideal", master_late_s=LATE)
+    try:
+        slow, fast, ratio = _best_ratio(lambda: _seconds_per_step(bullet, 150), lambda: _seconds_per_step(ideal, 1500))
+        with capsys.disabled():
+            print(f"\nbullet {1.0 / slow:.0f} steps/s, ideal {1.0 / fast:.0f} steps/s, ratio {ratio:.1f}")  # noqa: T201
+        assert ratio >= IDEAL_RATIO
+    finally:
+        bullet.close()
+        ideal.close()
