@@ -18,7 +18,7 @@ import numpy as np
 from armtempo.agents._policy import Actions, Observations, Policy, to_action
 from armtempo.envs import OTHER, OWN, CoordinationEnv
 from armtempo.errors import InfeasibleError, UnknownNameError
-from armtempo.planners import METHODS, Cell, Schedule, VelocityControl, schedule
+from armtempo.planners import METHODS, Cell, Mode, PhasePlane, Schedule, VelocityControl, schedule
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
@@ -43,6 +43,19 @@ def _states(cell: Cell, observations: Observations) -> list[tuple[float, float]]
         if row[_OTHER["present"]] > 0.5 and len(cell.arms) == 2:
             states[1 - arm] = _position(cell, 1 - arm, float(row[_OTHER["progress"]]), float(row[_OTHER["speed"]]))
     return states
+
+
+def _foresee(
+    plane: PhasePlane, lam: float, mu: float, command: float, period: float, ticks: int, mode: Mode
+) -> tuple[float, float]:
+    """Where an arm will be after a period, moved tick by tick as in the environment, and the time it will have used."""
+    total = 0.0
+    for _ in range(ticks):
+        lam, mu, used = plane.advance(lam, mu, command, period / ticks, mode=mode)
+        total += used
+        if lam >= plane.length:
+            break
+    return lam, total
 
 
 @final
@@ -100,7 +113,12 @@ class VciPolicy:
         if self._control is None or self._control.mode != env.mode:
             master, slave = self._cell.planes
             self._control = VelocityControl(
-                slave=slave, master=master, chart=self._cell.chart, period=self._cell.control_period, mode=env.mode
+                slave=slave,
+                master=master,
+                chart=self._cell.chart,
+                period=self._cell.control_period,
+                mode=env.mode,
+                checks=self._cell.ticks_per_period,  # the steps in which the environment moves
             )
         (master_lam, master_mu), (lam, mu) = _states(self._cell, observations)
         actions["arm_1"] = to_action(self._command(self._control, lam, mu, master_lam, master_mu))
@@ -114,9 +132,10 @@ class VciPolicy:
             except InfeasibleError:  # too late to stay behind: brake, and see
                 self._commands = deque([0.0])
         command = control.guarded(self._commands.popleft() if self._commands else 1.0, lam, mu, master_lam, master_mu)
+        ticks = self._cell.ticks_per_period
         self._expected = (
-            control.slave.advance(lam, mu, command, control.period, mode=control.mode)[0],
-            control.master.advance(master_lam, master_mu, 1.0, control.period)[0],
+            _foresee(control.slave, lam, mu, command, control.period, ticks, control.mode)[0],
+            _foresee(control.master, master_lam, master_mu, 1.0, control.period, ticks, "speed")[0],
         )
         return command
 
@@ -168,7 +187,7 @@ class SchedulePolicy:
         earliest = motion.duration - clock - 1e-6 * motion.duration
 
         def behind(command: float) -> bool:
-            reached, _, used = plane.advance(lam, mu, command, period, mode=env.mode)
+            reached, used = _foresee(plane, lam, mu, command, period, env.cell.ticks_per_period, env.mode)
             return reached <= target and (reached < plane.length or used >= earliest)
 
         if behind(1.0):

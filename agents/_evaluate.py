@@ -13,7 +13,7 @@ import numpy as np
 from armtempo.agents._baselines import POLICIES, make_policy
 from armtempo.agents._policy import Policy
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
-from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.errors import ConfigError, InfeasibleError, UnknownNameError
 from armtempo.planners import METHODS, Cell, Mode, Schedule, schedule
 
 
@@ -72,6 +72,7 @@ class Evaluation:
         seed: Seed of the first episode.
         master_late_s: How late the master started [s].
         results: By policy.
+        refused: Policies whose schedule does not exist in this cell, and why.
     """
 
     cell: Cell
@@ -81,6 +82,7 @@ class Evaluation:
     seed: int
     master_late_s: float
     results: dict[str, PolicyResult]
+    refused: dict[str, str]
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the traces, units in the keys."""
@@ -95,6 +97,7 @@ class Evaluation:
             "sequential_s": self.cell.sequential_makespan,
             "lower_bound_s": self.cell.lower_bound,
             "policies": {name: result.to_dict() for name, result in self.results.items()},
+            "refused": self.refused,
         }
 
 
@@ -112,7 +115,7 @@ def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -
 
 def evaluate(
     cell: Cell,
-    policies: Sequence[str] = POLICIES,
+    policies: Sequence[str] | None = None,
     *,
     episodes: int = 1,
     seed: int = 0,
@@ -125,7 +128,7 @@ def evaluate(
 
     Args:
         cell: Where.
-        policies: Names out of ``POLICIES``.
+        policies: Names out of ``POLICIES``; None: all of them that have a plan here.
         episodes: Episodes per policy; baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up.
         physics: ``bullet`` or ``ideal``.
@@ -135,16 +138,24 @@ def evaluate(
 
     Raises:
         UnknownNameError: A policy that does not exist; the message lists those that do.
-        InfeasibleError: A schedule that does not exist in this cell.
+        InfeasibleError: A named policy has no schedule in this cell.
     """
-    for name in policies:
+    chosen = POLICIES if policies is None else tuple(policies)
+    for name in chosen:
         if name not in POLICIES:
             raise UnknownNameError("policy", name, POLICIES)
     if episodes < 1:
         raise ConfigError(f"episodes must be at least 1, got {episodes}")
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
     try:
-        results = {name: _evaluate_one(env, name, episodes, seed, on_episode) for name in policies}
+        results, refused = {}, {}
+        for name in chosen:
+            try:
+                results[name] = _evaluate_one(env, name, episodes, seed, on_episode)
+            except InfeasibleError as error:
+                if policies is not None:
+                    raise
+                refused[name] = str(error)
     finally:
         env.close()
     return Evaluation(
@@ -155,6 +166,7 @@ def evaluate(
         seed=seed,
         master_late_s=master_late_s,
         results=results,
+        refused=refused,
     )
 
 

@@ -71,8 +71,8 @@ def evaluate(
     built = open_cell(cell, output)
     from armtempo import agents
 
-    chosen = tuple(dict.fromkeys(policies)) or tuple(agents.POLICIES)
-    with output.progress("Simulating", len(chosen) * episodes) as (progress, task):
+    chosen = tuple(dict.fromkeys(policies)) or None
+    with output.progress("Simulating", len(chosen or agents.POLICIES) * episodes) as (progress, task):
 
         def on_episode(policy: str, episode: int) -> None:
             progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
@@ -137,8 +137,12 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
             row += [number(r.torque_demand_ratio_max, 3), number(r.torque_clipped_fraction, 1, 100.0)]
         row += [number(r.path_error_max_m, 3, 1e3), f"[bold red]{r.violations}[/]" if r.violations else "0"]
         table.add_row(*row, style="bold" if bold else None)
+    for name in evaluation.refused:
+        table.add_row(name, "none", *["–"] * (len(table.columns) - 2))
     output.table(table)
     output.say(reading(evaluation))
+    for name, why in evaluation.refused.items():
+        output.say(f"{name} has no plan: {why}")
 
 
 def reading(evaluation: Evaluation) -> str:

@@ -271,7 +271,7 @@ class CellConfig(_Model):
     control_period_s: Positive = 0.004
     """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
     stations: Annotated[int, Field(ge=2, strict=True)] = 1000
-    """Intervals of the phase-plane grid along each path."""
+    """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
     chart_tolerance_m: Positive = 0.0004
     """Side of the smallest cell of a coordination chart [m]."""
     arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]

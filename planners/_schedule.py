@@ -196,7 +196,12 @@ def _optimal(cell: Cell, order: tuple[int, ...]) -> Schedule:
         try:
             options.append(_delay(cell, candidate))
         except InfeasibleError as refusal:
-            refusals.append(str(refusal))
+            refusals.append(refusal.message)
+    if not options and cell.lower_bound == float("inf"):
+        raise InfeasibleError(
+            f"no timing at all keeps the arms of cell {cell.name!r} {cell.d_min:.4g} m apart (certified)",
+            remedy="lower d_min_m, or move a path or a base",
+        )
     if not options:
         raise InfeasibleError(
             f"neither arm of cell {cell.name!r} can go first through every collision region: {'; '.join(refusals)}",
