@@ -210,7 +210,7 @@ def test_speed_limits_are_kept(write_cell: Cells) -> None:
 
 def test_one_arm_is_a_cell(write_cell: Cells) -> None:
     cell = load_cell(write_cell(lambda data: data.update(arms=data["arms"][:1])))
-    assert cell.lower_bound == cell.fastest[0].duration
+    assert 0.999 * cell.fastest[0].duration < cell.lower_bound <= cell.fastest[0].duration
     assert schedule(cell, "vci").makespan == cell.fastest[0].duration
 
 

@@ -1,0 +1,124 @@
+"""The comparison of policies: numbers, units, ranges, errors."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from armtempo.agents import POLICIES, Evaluation, evaluate
+from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.planners import METHODS, Cell
+
+KEYS = {
+    "plan_makespan_s",
+    "makespan_s",
+    "saving_percent",
+    "gap_percent",
+    "plan_gap_percent",
+    "min_clearance_m",
+    "torque_ratio_max",
+    "torque_demand_ratio_max",
+    "torque_clipped_fraction",
+    "path_error_max_m",
+    "violations",
+    "finished",
+    "reward",
+    "planning_time_s",
+}
+
+
+@pytest.fixture(scope="module")
+def bullet(lee1991: Cell) -> Evaluation:
+    return evaluate(lee1991)
+
+
+def test_the_dictionary_is_json_with_every_policy(bullet: Evaluation) -> None:
+    content = json.loads(json.dumps(bullet.to_dict(), allow_nan=False))
+    assert content["cell"] == "lee1991"
+    assert tuple(content["policies"]) == POLICIES
+    for numbers in content["policies"].values():
+        assert set(numbers) >= KEYS
+    assert content["sequential_s"] == pytest.approx(0.572, abs=0.001)
+    assert content["lower_bound_s"] <= content["policies"]["optimal"]["plan_makespan_s"]
+
+
+def test_no_gap_is_negative(bullet: Evaluation) -> None:
+    for name, result in bullet.results.items():
+        for gap in (result.gap_percent, result.plan_gap_percent):
+            assert gap is None or gap >= -0.1, name
+
+
+def test_numbers_are_those_of_the_traces(bullet: Evaluation, lee1991: Cell) -> None:
+    for name, result in bullet.results.items():
+        trace = result.trace
+        assert (result.plan_makespan_s is None) == (name not in METHODS)
+        assert (result.schedule is None) == (name not in METHODS)
+        assert result.violations == trace.violations
+        assert result.torque_ratio_max <= 1.0 <= result.torque_demand_ratio_max + 1e-3
+        assert 0.0 <= result.torque_clipped_fraction < 0.05
+        assert result.path_error_max_m == trace.path_error.max()
+        if result.finished:
+            assert result.makespan_s == trace.makespan
+            assert result.saving_percent == pytest.approx(
+                100.0 * (1.0 - trace.makespan / lee1991.sequential_makespan), abs=1e-9
+            )
+            expected = sum(1.0 - arrival / lee1991.sequential_makespan for arrival in trace.arrival)
+            assert result.reward == pytest.approx(expected, abs=1e-9)
+        else:
+            assert result.makespan_s is None
+            assert result.gap_percent is None
+            assert result.violations == 1
+            assert result.reward < -4.0
+    assert bullet.results["phase-plane"].finished == 0
+
+
+def test_saving_is_the_papers(bullet: Evaluation) -> None:
+    for name in ("vci", "delay", "optimal"):
+        saving = bullet.results[name].saving_percent
+        assert saving is not None
+        assert 40.0 < saving < 45.0
+
+
+def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
+    calls: list[tuple[str, int]] = []
+    one = evaluate(
+        lee1991,
+        ("random", "delay"),
+        episodes=3,
+        seed=4,
+        physics="ideal",
+        master_late_s=0.12,
+        on_episode=lambda name, episode: calls.append((name, episode)),
+    )
+    two = evaluate(lee1991, ("random", "delay"), episodes=3, seed=4, physics="ideal", master_late_s=0.12)
+    assert calls == [(name, k) for name in ("random", "delay") for k in range(3)]
+    assert one.results["delay"].finished == 3
+    assert one.master_late_s == 0.12
+    for name in one.results:
+        first, again = one.results[name].to_dict(), two.results[name].to_dict()
+        first.pop("planning_time_s")
+        again.pop("planning_time_s")
+        assert first == again
+    alone = evaluate(lee1991, ("random",), episodes=1, seed=5, physics="ideal", master_late_s=0.12)
+    np.testing.assert_array_equal(  # the seeds count up
+        alone.results["random"].trace.lam,
+        evaluate(lee1991, ("random",), episodes=1, seed=5, physics="ideal", master_late_s=0.12).results["random"].trace.lam,
+    )
+
+
+@pytest.mark.parametrize("mode", ["speed", "acceleration"])
+def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) -> None:
+    ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)  # type: ignore[arg-type]
+    for name, result in ideal.results.items():
+        assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)
+        assert result.path_error_max_m == 0.0
+        assert result.torque_ratio_max <= 1.001
+
+
+def test_errors(lee1991: Cell) -> None:
+    with pytest.raises(UnknownNameError, match="policy 'optmal'.*did you mean 'optimal'"):
+        evaluate(lee1991, ("optmal",))
+    with pytest.raises(ConfigError, match="episodes must be at least 1"):
+        evaluate(lee1991, ("delay",), episodes=0)

@@ -1,0 +1,145 @@
+"""What a user gets wrong, and what is said about it: one line, with the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from armtempo.envs import PHYSICS, CoordinationEnv, Physics, YieldingEnv
+from armtempo.errors import ActionError, ArmtempoError, ConfigError, InfeasibleError, RenderError, UnknownNameError
+from armtempo.planners import Cell
+
+NAN = np.array([np.nan], dtype=np.float32)
+GOOD = np.zeros(1, dtype=np.float32)
+
+
+def _says(error: pytest.ExceptionInfo[ArmtempoError], *parts: str) -> None:
+    text = str(error.value)
+    assert "\n" not in text
+    assert error.value.remedy
+    for part in parts:
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    "bad", [NAN, np.array([np.inf]), np.zeros(2), np.zeros((1, 1)), np.zeros(0), None, "full speed", {"a": 1}]
+)
+def test_an_action_that_is_no_finite_number(lee1991: Cell, bad: Any) -> None:
+    env = CoordinationEnv(lee1991, physics="ideal")
+    env.reset()
+    with pytest.raises(ActionError) as error:
+        env.step({"arm_0": GOOD, "arm_1": bad})
+    _says(error, "arm_1", "one finite number", "shape (1,)", "replace NaN")
+    np.testing.assert_array_equal(env.simulation.lam, 0.0)  # nothing moved: the step can be repeated
+    env.step({"arm_0": GOOD, "arm_1": GOOD})
+    env.close()
+    single = YieldingEnv(lee1991, physics="ideal")
+    single.reset()
+    with pytest.raises(ActionError) as error:
+        single.step(bad)
+    _says(error, "slave")
+    single.close()
+
+
+def test_actions_outside_the_box_are_clipped(lee1991: Cell) -> None:
+    after = []
+    for size in (1.0, 7.0):
+        env = CoordinationEnv(lee1991, physics="ideal")
+        env.reset()
+        env.step({"arm_0": np.array([size]), "arm_1": np.array([-size])})
+        after.append(env.state())
+        env.close()
+    np.testing.assert_array_equal(after[0], after[1])
+
+
+def test_a_missing_action(lee1991: Cell) -> None:
+    env = CoordinationEnv(lee1991, physics="ideal")
+    env.reset()
+    with pytest.raises(ActionError) as error:
+        env.step({"arm_0": GOOD})
+    _says(error, "no action for arm_1", "arm_0, arm_1")
+    env.close()
+
+
+@pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
+def test_step_before_reset_and_after_the_end(lee1991: Cell, make: Callable[..., Any]) -> None:
+    env = make(lee1991, physics="ideal", max_episode_s=0.004)
+    action = {"arm_0": GOOD, "arm_1": GOOD} if make is CoordinationEnv else GOOD
+    with pytest.raises(ActionError) as error:
+        env.step(action)
+    _says(error, "call reset")
+    env.reset()
+    env.step(action)
+    with pytest.raises(ActionError) as error:
+        env.step(action)
+    _says(error, "over", "call reset")
+    env.close()
+
+
+@pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
+@pytest.mark.parametrize(
+    ("options", "error_class", "parts"),
+    [
+        ({"physics": "bulet"}, UnknownNameError, ("physics 'bulet'", "did you mean 'bullet'")),
+        ({"mode": "velocity"}, UnknownNameError, ("mode 'velocity'", "acceleration, speed")),
+        ({"render_mode": "ansi"}, RenderError, ("render_mode 'ansi'", "rgb_array")),
+        ({"cell": "lee1919"}, UnknownNameError, ("'lee1919'", "did you mean 'lee1991'")),
+        ({"master_late_s": -0.1}, ConfigError, ("master_late_s", "-0.1", "0 or more")),
+        ({"master_late_s": np.nan}, ConfigError, ("master_late_s",)),
+        ({"max_episode_s": 0.0}, ConfigError, ("max_episode_s", "positive")),
+        ({"max_episode_s": np.nan}, ConfigError, ("max_episode_s", "positive")),
+    ],
+)
+def test_a_wrong_argument(
+    lee1991: Cell,
+    make: Callable[..., Any],
+    options: dict[str, Any],
+    error_class: type[ArmtempoError],
+    parts: tuple[str, ...],
+) -> None:
+    with pytest.raises(error_class) as error:
+        make(**{"cell": lee1991, "physics": "ideal", **options})
+    _says(error, *parts)
+
+
+def test_an_unknown_learner_and_a_backward_range(lee1991: Cell) -> None:
+    with pytest.raises(UnknownNameError) as unknown:
+        YieldingEnv(lee1991, learner="slav", physics="ideal")
+    _says(unknown, "arm 'slav'", "did you mean 'slave'")
+    with pytest.raises(ConfigError) as backward:
+        YieldingEnv(lee1991, master_late_s=(0.2, 0.1), physics="ideal")
+    _says(backward, "master_late_s", "(0.2, 0.1)")
+
+
+@pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
+@pytest.mark.parametrize("late", [-1.0, np.nan, np.inf])
+def test_a_wrong_lateness_at_reset(lee1991: Cell, make: Callable[..., Any], late: float) -> None:
+    env = make(lee1991, physics="ideal")
+    with pytest.raises(ConfigError) as error:
+        env.reset(options={"master_late_s": late})
+    _says(error, "master_late_s")
+    env.close()
+
+
+def test_a_trace_that_was_not_recorded(lee1991: Cell) -> None:
+    env = CoordinationEnv(lee1991, physics="ideal")
+    env.reset()
+    with pytest.raises(ConfigError) as error:
+        _ = env.trace
+    _says(error, "record=True")
+    env.close()
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_three_arms_are_refused(lee1991: Cell, physics: Physics) -> None:
+    from armtempo.envs import Simulation
+
+    class Three:
+        name = "trio"
+        arms = (*lee1991.arms, lee1991.arms[0])
+
+    with pytest.raises(InfeasibleError, match="3 arms"):
+        Simulation(Three(), physics=physics)  # type: ignore[arg-type]

@@ -1,0 +1,184 @@
+"""The arm in PyBullet is the planners' arm: pose, tip, dynamics, with and without a tool; resets are exact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+import yaml
+
+from armtempo.envs import CoordinationEnv, Simulation, YieldingEnv
+from armtempo.envs._scene import Scene
+from armtempo.planners import Cell, load_cell
+from armtempo.robots import Arm
+
+POSITION, RPY = (0.1, -0.2, 0.3), (0.35, -0.2, 0.5)
+
+
+def _tilted_cell(folder: Path, *, tool: bool) -> Cell:
+    """One arm on a tilted base, so that it carries weight, on a line; with or without a tool."""
+    cr, cp, cy = np.cos(RPY)
+    sr, sp, sy = np.sin(RPY)
+    R = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ [[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]]
+    R = R @ [[1, 0, 0], [0, cr, -sr], [0, sr, cr]]
+    height = 0.04 if tool else 0.0  # of the working point above the plane of the links
+    start, end = ((R @ point + POSITION).tolist() for point in ([0.42, 0.05, height], [0.30, 0.30, height]))
+    arm: dict[str, object] = {
+        "name": "master",
+        "urdf": "planar_two_link.urdf",
+        "base": {"position_m": list(POSITION), "rpy_rad": list(RPY)},
+        "elbow": "negative",
+        "tip_link": "tool",
+        "limits": {"torque_nm": [40, 20]},
+        "path": {"start_m": start, "segments": [{"line": {"to_m": end}}]},
+    }
+    if tool:
+        arm["tool"] = {
+            "mass_kg": 0.8,
+            "com_m": [0.03, 0.01, 0.02],
+            "inertia_kgm2": [0.002, 0.003, 0.004, 0.0005, -0.0003, 0.0002],
+            "frame": {"position_m": [0.05, 0.02, height], "rpy_rad": [0.1, 0.2, 0.3]},
+        }
+    content = {
+        "kind": "coordination",
+        "name": "tilted",
+        "description": "one arm on a tilted base",
+        "d_min_m": 0.01,
+        "clearance_reserve_m": 0.0005,
+        "physics_tick_s": 0.001,
+        "control_period_s": 0.004,
+        "arms": [arm],
+    }
+    file = folder / "tilted.yaml"
+    file.write_text(yaml.safe_dump(content))
+    return load_cell(file)
+
+
+@pytest.fixture(params=["lee1991", "tilted", "tilted with tool"])
+def cell(request: pytest.FixtureRequest, lee1991: Cell, tmp_path: Path) -> Cell:
+    if request.param == "lee1991":
+        return lee1991
+    return _tilted_cell(tmp_path, tool=request.param.endswith("tool"))
+
+
+def _tip_in_pybullet(scene: Scene, i: int, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """Origin and rotation of the arm's tip link (without the tool's frame) as PyBullet has them."""
+    body, client = scene.bodies[i], scene.client
+    names = [
+        pybullet.getJointInfo(body, k, physicsClientId=client)[12].decode()
+        for k in range(pybullet.getNumJoints(body, physicsClientId=client))
+    ]
+    state = pybullet.getLinkState(body, names.index(arm.tip_link), computeForwardKinematics=True, physicsClientId=client)
+    return np.array(state[4]), np.array(pybullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
+
+
+def test_tips_are_where_the_planner_has_them(cell: Cell) -> None:
+    scene, random = Scene(cell), np.random.default_rng(0)
+    for _ in range(10):
+        q = random.uniform(-2.5, 2.5, (len(cell.arms), 2))
+        scene.place(q)
+        for i, arm in enumerate(cell.arms):
+            bare = Arm.from_urdf(arm.urdf, T_world_base=arm.T_world_base, tip_link=arm.tip_link)
+            origin, rotation = _tip_in_pybullet(scene, i, bare)
+            np.testing.assert_allclose(origin, bare.tip_pose(q[i])[:3, 3], atol=1e-6)  # PyBullet's URDF floats
+            np.testing.assert_allclose(rotation, bare.tip_pose(q[i])[:3, :3], atol=1e-6)
+            config = cell.config.arms[i]
+            if config.tool is not None:  # the planner's tip is the tool's working point
+                tip = origin + rotation @ np.array(config.tool.frame.position_m)
+                np.testing.assert_allclose(tip, arm.tip_pose(q[i])[:3, 3], atol=1e-6)
+    scene.close()
+
+
+def test_one_tick_obeys_the_planners_dynamics(cell: Cell) -> None:
+    """Free fall and random torques: the change of speed over one tick against our inverse dynamics."""
+    scene, random, dt = Scene(cell), np.random.default_rng(1), 1e-3
+    pybullet.setTimeStep(dt, physicsClientId=scene.client)
+    pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=scene.client)
+    shape = (len(cell.arms), 2)
+    for trial in range(20):
+        q, qd = random.uniform(-2.5, 2.5, shape), random.uniform(-3.0, 3.0, shape)
+        torque = random.uniform(-5.0, 5.0, shape) if trial else np.zeros(shape)
+        scene.place(q)
+        for body, joints, row, speed in zip(scene.bodies, scene.joints, q, qd, strict=True):
+            for joint, a, b in zip(joints, row, speed, strict=True):
+                pybullet.resetJointState(body, joint, a, b, physicsClientId=scene.client)
+        scene.push(torque)
+        after, speed_after = np.zeros(shape), np.zeros(shape)
+        scene.read(after, speed_after)
+        for i, arm in enumerate(cell.arms):
+            wanted = arm.inverse_dynamics(q[i], qd[i], (speed_after[i] - qd[i]) / dt)
+            np.testing.assert_allclose(wanted, torque[i], atol=2e-6 * max(1.0, np.abs(wanted).max()))
+        np.testing.assert_allclose(after, q + dt * speed_after, atol=1e-12)  # semi-implicit
+    scene.close()
+
+
+@pytest.mark.parametrize("tool", [False, True])
+def test_an_arm_alone_that_carries_its_weight_and_a_tool(tmp_path: Path, tool: bool) -> None:
+    cell = _tilted_cell(tmp_path, tool=tool)
+    env = CoordinationEnv(cell, record=True)
+    observations, _ = env.reset()
+    assert not observations["arm_0"][5:].any()
+    while env.agents:
+        observations, _, _, _, infos = env.step({"arm_0": np.ones(1, dtype=np.float32)})
+    trace = env.trace
+    assert infos["arm_0"]["is_success"]
+    assert trace.makespan == pytest.approx(cell.fastest[0].duration, rel=0.01)
+    assert trace.torque_ratio_max <= 1.0
+    assert trace.path_error.max() < 2e-4
+    tips = cell.arms[0].tip_pose(trace.q[0])[:, :3, 3]
+    np.testing.assert_allclose(tips[-1], cell.config.arms[0].path.segments[-1].geometry.to_m, atol=1e-3)  # type: ignore[union-attr]
+    env.close()
+
+
+def test_the_mass_without_the_tool_is_another_one(tmp_path: Path) -> None:
+    """The tests above can fail: a forgotten tool changes the torques by far more than their tolerance."""
+    with_tool = _tilted_cell(tmp_path, tool=True).arms[0]
+    without = Arm.from_urdf(with_tool.urdf, T_world_base=with_tool.T_world_base, tip_link=with_tool.tip_link)
+    q, zero = np.array([0.3, 0.4]), np.zeros(2)
+    assert np.abs(with_tool.inverse_dynamics(q, zero, zero) - without.inverse_dynamics(q, zero, zero)).max() > 0.1
+
+
+def test_resets_are_bit_exact(lee1991: Cell) -> None:
+    simulation, random = Simulation(lee1991), np.random.default_rng(4)
+    runs = []
+    for _ in range(3):
+        simulation.reset(0.2)
+        runs.append([])
+        for k in range(40):
+            simulation.step(np.array([1.0, 0.5 + 0.5 * np.sin(k)]))
+            runs[-1].append(simulation.joint_positions().tobytes())
+        for _ in range(int(random.integers(1, 20))):  # leave it somewhere
+            simulation.step(random.uniform(0.0, 1.0, 2))
+    assert runs[0] == runs[1] == runs[2]
+    simulation.close()
+
+
+def test_no_contacts_and_no_hidden_damping(lee1991: Cell) -> None:
+    """Arms through each other in PyBullet: no contact force, and their energy of motion stays."""
+    scene = Scene(lee1991)
+    pybullet.setTimeStep(1e-4, physicsClientId=scene.client)
+    pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=scene.client)
+    q = np.array([path.evaluate(0.5 * path.length)[0] for path in lee1991.paths])
+    scene.place(q)
+    for body, joints, row in zip(scene.bodies, scene.joints, q, strict=True):
+        for joint, a in zip(joints, row, strict=True):
+            pybullet.resetJointState(body, joint, a, 1.0, physicsClientId=scene.client)
+    arm, qd = lee1991.arms[0], np.ones((2, 2))
+    before = [0.5 * v @ arm.mass_matrix(x) @ v for x, v in zip(q, qd, strict=True)]
+    for _ in range(2000):
+        scene.push(np.zeros((2, 2)))
+        assert not pybullet.getContactPoints(physicsClientId=scene.client)
+    scene.read(q, qd)
+    after = [0.5 * v @ arm.mass_matrix(x) @ v for x, v in zip(q, qd, strict=True)]
+    np.testing.assert_allclose(after, before, rtol=1e-3)
+    scene.close()
+
+
+def test_many_environments_share_nothing_in_pybullet(lee1991: Cell) -> None:
+    envs = [YieldingEnv(lee1991) for _ in range(8)]
+    clients = [env.simulation._scene.client for env in envs]  # type: ignore[union-attr]
+    assert len(set(clients)) == len(clients)
+    for env in envs:
+        env.close()
