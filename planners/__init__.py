@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from armtempo.planners import _phase_kernels as phase_kernels
+from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
-from armtempo.planners._cell import Cell, build_cell, load_cell
+from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
