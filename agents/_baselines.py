@@ -58,6 +58,19 @@ def _foresee(
     return lam, total
 
 
+def _control(cell: Cell, order: tuple[int, ...], mode: Mode) -> VelocityControl:
+    """Velocity control of the second arm in ``order`` behind the first."""
+    first, second = order
+    return VelocityControl(
+        slave=cell.planes[second],
+        master=cell.planes[first],
+        chart=cell.chart if order == (0, 1) else cell.chart.swapped,
+        period=cell.control_period,
+        mode=mode,
+        checks=cell.ticks_per_period,  # the steps in which the environment moves
+    )
+
+
 @final
 class PhasePlanePolicy:
     """Every arm in minimum time (Lee1991 section 2.2): the master's policy. For all arms at once it collides."""
@@ -111,15 +124,7 @@ class VciPolicy:
         if len(self._cell.arms) < 2 or "arm_1" not in observations:
             return actions
         if self._control is None or self._control.mode != env.mode:
-            master, slave = self._cell.planes
-            self._control = VelocityControl(
-                slave=slave,
-                master=master,
-                chart=self._cell.chart,
-                period=self._cell.control_period,
-                mode=env.mode,
-                checks=self._cell.ticks_per_period,  # the steps in which the environment moves
-            )
+            self._control = _control(self._cell, (0, 1), env.mode)
         (master_lam, master_mu), (lam, mu) = _states(self._cell, observations)
         actions["arm_1"] = to_action(self._command(self._control, lam, mu, master_lam, master_mu))
         return actions
@@ -128,7 +133,7 @@ class VciPolicy:
         surprise = max(abs(lam - self._expected[0]), abs(master_lam - self._expected[1]))
         if surprise > _AS_EXPECTED * control.slave.length or not self._commands:
             try:
-                self._commands = deque(control.plan(control.expected(master_lam, master_mu), lam, mu).commands)
+                self._commands = deque(control.commands(control.expected(master_lam, master_mu), lam, mu))
             except InfeasibleError:  # too late to stay behind: brake, and see
                 self._commands = deque([0.0])
         command = control.guarded(self._commands.popleft() if self._commands else 1.0, lam, mu, master_lam, master_mu)
@@ -146,11 +151,13 @@ class SchedulePolicy:
 
     The arm that goes first follows its own motion, and waits for itself when it is held up. The second follows the
     clock of the first: the planned time of the position at which that one *is*, so it is released by the first arm's
-    lambda, and never gets farther ahead of it than planned.
+    lambda. Its commands are guarded as in ``VciPolicy``: a first arm that is slow or stops costs time, never a
+    collision.
     """
 
     def __init__(self, plan: Schedule) -> None:
         self.plan = plan
+        self._control: VelocityControl | None = None
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
@@ -176,7 +183,12 @@ class SchedulePolicy:
         for agent in observations:
             arm = int(agent.rsplit("_", 1)[1])
             clock = self._leading if arm == leader else self._following
-            actions[agent] = to_action(self._command(env, arm, *states[arm], clock))
+            command = self._command(env, arm, *states[arm], clock)
+            if arm != leader:
+                if self._control is None or self._control.mode != env.mode:
+                    self._control = _control(env.cell, plan.order, env.mode)
+                command = self._control.guarded(command, *states[arm], *states[leader])
+            actions[agent] = to_action(command)
         return actions
 
     def _command(self, env: CoordinationEnv, arm: int, lam: float, mu: float, clock: float) -> float:

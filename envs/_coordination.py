@@ -11,11 +11,11 @@ from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 from pettingzoo import ParallelEnv
 
-from armtempo.envs._episode import Episode, agent_names, as_cell, read_action
+from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
-from armtempo.errors import ActionError, ConfigError
+from armtempo.errors import ActionError
 from armtempo.planners import Cell, Mode
 
 Observation = NDArray[np.float32]
@@ -78,10 +78,11 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         record: bool = False,
     ) -> None:
         check_render_mode(render_mode)
-        if not (np.isfinite(master_late_s) and master_late_s >= 0.0):
-            raise ConfigError(f"master_late_s must be a time in seconds, got {master_late_s}", remedy="give 0 or more")
+        check_late(master_late_s)
         self.cell = as_cell(cell)
-        self.physics, self.mode, self.render_mode = physics, mode, render_mode
+        self.physics: Physics = physics
+        self.mode: Mode = mode
+        self.render_mode = render_mode
         self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
         self.master_late_s = float(master_late_s)
         self.possible_agents = agent_names(self.cell.arms)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, final
@@ -30,15 +31,26 @@ def read_action(action: ArrayLike, agent: str) -> float:
     Raises:
         ActionError: It is not one finite number.
     """
-    value = np.asarray(action, dtype=np.float64)
-    if value.shape not in ((1,), ()) or not np.isfinite(value).all():
+    try:
+        value = np.asarray(action, dtype=np.float64)
+        number = float(value.reshape(-1)[0]) if value.shape in ((1,), ()) else math.nan
+    except (TypeError, ValueError):  # not numbers at all
+        number = math.nan
+    if not math.isfinite(number):
         raise ActionError(
             f"action of {agent} must be one finite number in an array of shape (1,), got {action!r}",
             remedy="clip it to [-1, 1] and replace NaN before env.step",
             agent=agent,
             action=action,
         )
-    return min(max(0.5 * (float(value.reshape(-1)[0]) + 1.0), 0.0), 1.0)
+    return min(max(0.5 * (number + 1.0), 0.0), 1.0)
+
+
+def check_late(late: ArrayLike) -> None:
+    """Raise ConfigError unless all of ``late`` [s] are times to wait."""
+    times = np.asarray(late, dtype=np.float64)
+    if not (np.isfinite(times).all() and (times >= 0.0).all()):
+        raise ConfigError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
 
 
 @final
@@ -62,7 +74,12 @@ class Episode:
         self.timed_out = False
 
     def reset(self, late: ArrayLike) -> None:
-        """Start again; ``late`` (A,) [s]."""
+        """Start again; ``late`` (A,) [s].
+
+        Raises:
+            ConfigError: It is negative or not finite.
+        """
+        check_late(late)
         self.simulation.reset(late)
         self._start(len(self.lengths))
 

@@ -8,7 +8,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._world import State, World, clearance_of, edges_of, model_of, rows_of, table_of, to_go_of
+from armtempo.envs._world import (
+    BLOCK,
+    State,
+    World,
+    clearance_of,
+    edges_of,
+    length_of,
+    model_of,
+    rows_of,
+    table_of,
+    to_go_of,
+)
 from armtempo.planners import path_point, phase_kernels, tabulated_clearance
 from armtempo.robots import ArmModel, kernels, njit
 
@@ -16,21 +27,26 @@ Array = NDArray[np.float64]
 
 
 @njit
-def move(world: World, state: State, commands: Array, late: Array, time: float) -> None:
-    """One tick of every arm's reference; an arm that is ``late`` stands until that instant, whatever its command."""
-    for i in range(commands.shape[0]):
-        if not np.isnan(state.arrival[i]):
-            continue
-        dt = min(time + world.tick - late[i], world.tick)
-        if dt <= 1e-12:
-            continue
-        rows = rows_of(world, i)
-        lam, mu, used, _ = phase_kernels.advance(
-            rows, edges_of(world, i), state.lam[i], state.mu[i], commands[i], world.by_speed, dt, np.empty((0, 3)), 0
-        )
-        state.lam[i], state.mu[i] = lam, mu
-        if lam >= rows.station[-1]:
-            state.arrival[i] = time + (world.tick - dt) + used
+def move(
+    rows: phase_kernels.Rows,
+    edges: phase_kernels.Edges,
+    state: State,
+    i: int,
+    command: float,
+    by_speed: bool,
+    late: float,
+    time: float,
+    tick: float,
+) -> None:
+    """One tick of arm i's reference; an arm that is ``late`` stands until that instant, whatever its command."""
+    dt = min(time + tick - late, tick)
+    if dt <= 1e-12 or not np.isnan(state.arrival[i]):
+        return
+    state.lam[i], state.mu[i], used, _ = phase_kernels.advance(
+        rows, edges, state.lam[i], state.mu[i], command, by_speed, dt, np.empty((0, 3)), 0
+    )
+    if state.lam[i] >= rows.station[-1]:
+        state.arrival[i] = time + (tick - dt) + used
 
 
 @njit
@@ -55,8 +71,8 @@ def control(
     """
     dt = world.tick
     arms = demand.shape[0]
-    move(world, state, commands, late, time)
     for i in range(arms):
+        move(rows_of(world, i), edges_of(world, i), state, i, commands[i], world.by_speed, late[i], time, dt)
         n = world.size[i, 1]
         model = model_of(world, i)
         reference[0, i], reference[1, i] = reference[1, i], reference[2, i]
@@ -130,11 +146,16 @@ def _progress(world: World, state: State, i: int) -> tuple[float, float, float]:
 def _next_region(world: World, state: State, i: int, j: int) -> tuple[float, float]:
     """How far arm i is from the next region that arm j has not released, and how far j must go (shares of paths)."""
     rows = world.last_occupied.shape[2]
-    here = state.lam[i] / rows_of(world, i).station[-1]
-    for row in range(min(int(here * rows), rows - 1), rows):
-        if world.last_occupied[i, j, row] >= state.lam[j]:
+    here = state.lam[i] / length_of(world, i)
+    row = min(int(here * rows), rows - 1)
+    while row < rows:
+        if row % BLOCK == 0 and world.last_in_block[i, j, row // BLOCK] < state.lam[j]:
+            row += BLOCK
+        elif world.last_occupied[i, j, row] >= state.lam[j]:
             still = world.last_occupied[i, j, row] - state.lam[j]
-            return max(row / rows - here, 0.0), still / rows_of(world, j).station[-1]
+            return max(row / rows - here, 0.0), still / length_of(world, j)
+        else:
+            row += 1
     return 1.0, 0.0
 
 
@@ -192,18 +213,25 @@ def run_ideal(
     """
     arms = commands.shape[0]
     ran, violated, smallest = ticks, False, np.inf
+    for i in range(arms):  # one after the other: they do not feel each other
+        rows, edges = rows_of(world, i), edges_of(world, i)
+        for k in range(ticks):
+            time = (first_tick + k) * world.tick
+            move(rows, edges, state, i, commands[i], world.by_speed, late[i], time, world.tick)
+            record[k, i], record[k, arms + i] = state.lam[i], state.mu[i]
     for k in range(ticks):
-        move(world, state, commands, late, (first_tick + k) * world.tick)
         nearest = np.inf
         for p in range(world.clearance.shape[0]):
             i, j = world.clearance[p, 0], world.clearance[p, 1]
-            nearest = min(nearest, tabulated_clearance(clearance_of(world, p), state.lam[i], state.lam[j]))
-        for i in range(arms):
-            record[k, i], record[k, arms + i] = state.lam[i], state.mu[i]
+            nearest = min(nearest, tabulated_clearance(clearance_of(world, p), record[k, i], record[k, j]))
         record[k, 2 * arms] = nearest
         smallest = min(smallest, nearest)
-        if nearest < d_min:
+        if nearest < d_min:  # it ends here: back to where the arms were
             ran, violated = k + 1, True
+            for i in range(arms):
+                state.lam[i], state.mu[i] = record[k, i], record[k, arms + i]
+                if state.arrival[i] > (first_tick + ran) * world.tick:
+                    state.arrival[i] = np.nan
             break
     observe(world, state, others, own_size, other_size, observation)
     return ran, violated, smallest

@@ -25,7 +25,7 @@ OWN = (
     Entry("speed", -1.0, 1.0, "mu as a share of mu*, the highest speed from which the end can be met; 0 is -1"),
     Entry("lowest_acceleration", -1.0, 1.0, "LB as a share of 8 length / T^2 (T: minimum time)"),
     Entry("highest_acceleration", -1.0, 1.0, "UB as a share of the same"),
-    Entry("time_to_go", -1.0, 1.0, "least time to the end as a share of T; none is -1"),
+    Entry("time_to_go", -1.0, 1.0, "what the minimum-time motion still takes from here as a share of T; none is -1"),
 )
 OTHER = (
     Entry("present", 0.0, 1.0, "1 if the slot holds an arm"),
@@ -37,7 +37,7 @@ OTHER = (
     ),
     Entry("progress", -1.0, 1.0, "its position on its path, start -1, end 1"),
     Entry("speed", -1.0, 1.0, "its mu as a share of its mu*; 0 is -1"),
-    Entry("time_to_go", -1.0, 1.0, "its least time to its end as a share of its T; none is -1"),
+    Entry("time_to_go", -1.0, 1.0, "what its minimum-time motion still takes as a share of its T; none is -1"),
 )
 ENTRIES = (
     *OWN,

@@ -9,13 +9,12 @@ from __future__ import annotations
 import functools
 import subprocess
 import sys
-from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
+from armtempo.envs._bullet import pybullet
 from armtempo.envs._scene import Scene, display_available
 from armtempo.errors import RenderError
 from armtempo.planners import Cell
@@ -24,9 +23,7 @@ Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
-PAPER = (0.96, 0.96, 0.95, 1.0)
 BEADS = 40  # per path
-GROUND_BELOW = 0.06  # [m] the paper is under the lowest joint
 TILT = 0.35  # [rad] of the view from straight down
 VIEW_DEG = 40.0  # vertical
 BORDER = 0.12  # of the picture, free around the arms
@@ -86,33 +83,24 @@ class Renderer:
             q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
             tips.append(arm.tip_pose(q)[:, :3, 3])
             points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *tips[-1]]
-        self._paint(tips, np.array(points))
+        self._paint(tips)
         self._aim(np.array(points))
 
-    def _paint(self, tips: list[Array], points: Array) -> None:
-        """Every arm and its path in one colour, on paper."""
+    def _paint(self, tips: list[Array]) -> None:
+        """Every arm and its path in one colour."""
         client = self._scene.client
         for i, (body, beads) in enumerate(zip(self._scene.bodies, tips, strict=True)):
             colour = COLOURS[i % len(COLOURS)]
             for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
                 pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=client)
             pale = [*(0.5 + 0.5 * c for c in colour[:3]), 1.0]
-            self._body(pybullet.GEOM_SPHERE, pale, beads.tolist(), radius=0.004)
-        low, high = points.min(axis=0), points.max(axis=0)
-        size = float(np.max(high - low))
-        paper = [*(0.5 * (low + high))[:2], low[2] - GROUND_BELOW]
-        self._body(pybullet.GEOM_BOX, PAPER, [paper], halfExtents=[3.0 * size, 3.0 * size, 0.001])
-
-    def _body(self, kind: int, colour: Sequence[float], places: list[list[float]], **size: Any) -> None:
-        client = self._scene.client
-        shape = pybullet.createVisualShape(kind, rgbaColor=colour, physicsClientId=client, **size)
-        pybullet.createMultiBody(
-            baseMass=0.0,
-            baseVisualShapeIndex=shape,
-            basePosition=places[0],
-            batchPositions=places,
-            physicsClientId=client,
-        )
+            bead = pybullet.createVisualShape(
+                pybullet.GEOM_SPHERE, radius=0.004, rgbaColor=pale, physicsClientId=client
+            )
+            pybullet.createMultiBody(
+                baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=beads.tolist(), basePosition=beads[0].tolist(),
+                physicsClientId=client,
+            )  # fmt: skip
 
     def _aim(self, points: Array) -> None:
         """Look down on everything the arms sweep, from as near as shows it all."""
@@ -137,15 +125,20 @@ class Renderer:
         self._scene.place(q)
         if self.mode == "human":
             return None
-        options: dict[str, Any] = {
-            "renderer": pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
-            "shadow": 1,
-            "lightDirection": (0.3, -0.4, 1.0),
-        }
-        picture = pybullet.getCameraImage(
-            WIDTH, HEIGHT, self._view, self._projection, physicsClientId=self._scene.client, **options
-        )[2]
-        return np.ascontiguousarray(np.reshape(np.asarray(picture, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3])
+        _, _, pixels, _, bodies = pybullet.getCameraImage(
+            WIDTH,
+            HEIGHT,
+            self._view,
+            self._projection,
+            shadow=0,
+            lightDirection=(0.3, -0.4, 1.0),
+            renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._scene.client,
+        )
+        rgba = np.array(pixels, dtype=np.uint8).reshape(HEIGHT, WIDTH, 4)
+        background = np.reshape(bodies, (HEIGHT, WIDTH, 1)) < 0
+        np.putmask(rgba.view(np.uint32), background, 0xFFFFFFFF)  # on white, whichever renderer
+        return np.ascontiguousarray(rgba[..., :3])
 
     def close(self) -> None:
         """Close window and client; may be called twice."""

@@ -11,9 +11,9 @@ from typing import Any, final
 from xml.etree import ElementTree
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
+from armtempo.envs._bullet import pybullet
 from armtempo.errors import RobotError
 from armtempo.planners import Cell
 from armtempo.robots import Arm

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike, NDArray
 
+from armtempo.envs._bullet import pybullet
 from armtempo.envs._kernels import control, observe, run_ideal, tip_positions, tracking_error
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
 from armtempo.envs._world import State, pack
-from armtempo.errors import InfeasibleError, UnknownNameError
+from armtempo.errors import ConfigError, InfeasibleError, UnknownNameError
 from armtempo.planners import Cell, Mode, clearance_table
 
 Array = NDArray[np.float64]
@@ -119,6 +119,7 @@ class Simulation:
             below = cell.d_min + IDEAL_FCL_BELOW
             tables.append((0, 1, clearance_table(cell.clearance, 0, 1, cell.arms, cell.paths, below)))
         self._world = pack(cell, mode, tables)
+        self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._starts = np.zeros((arms, width))
         self._goals = np.zeros((arms, 3))
         goals = np.zeros((arms, width))
@@ -132,7 +133,7 @@ class Simulation:
         self._reference = np.zeros((3, arms, width))
         self._block = np.empty((cell.ticks_per_period, 2 * arms + 1))  # one period of an ideal run
         self._observation = np.zeros((arms, SIZE), dtype=np.float32)
-        self._tips, self._error = np.zeros((arms, 3)), np.zeros(arms)
+        self._tips, self._tips_before, self._error = np.zeros((arms, 3)), np.zeros((arms, 3)), np.zeros(arms)
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
@@ -170,7 +171,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Instant [s]."""
-        return self._ticks * self.cell.physics_tick
+        return self._ticks * self._tick
 
     @property
     def arms(self) -> int:
@@ -196,7 +197,7 @@ class Simulation:
 
     def _step_ideal(self, commands: Array) -> None:
         ran, self.violated, smallest = run_ideal(
-            self._world, self._state, self.cell.d_min, commands, self._late, self._ticks, len(self._block), self._block,
+            self._world, self._state, self._d_min, commands, self._late, self._ticks, len(self._block), self._block,
             OTHERS, len(OWN), len(OTHER), self._observation,
         )  # fmt: skip
         self._ticks += ran
@@ -212,7 +213,7 @@ class Simulation:
 
     def _tick_bullet(self, commands: Array) -> None:
         assert self._scene is not None
-        tick = self.cell.physics_tick
+        tick = self._tick
         control(
             self._world, self._state, commands, self._late, self.time, CONTROLLER_GAIN / tick, self._measured,
             self._reference, self._demand, self._torque,
@@ -222,7 +223,7 @@ class Simulation:
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
-        if nearest < self.cell.d_min:
+        if nearest < self._d_min:
             self.violated = True
             self._violations += 1
         if not np.isnan(self._state.arrival).all():
@@ -243,9 +244,9 @@ class Simulation:
 
     def _settle(self, tick: float) -> None:
         """An arm arrives at the later of its reference's end and the first tick from which its tip stays settled."""
-        before = self._tips.copy()
+        tip_positions(self._world, self._q - tick * self._qd, self._tips_before)  # the step was q' = q + dt qd'
         tip_positions(self._world, self._q, self._tips)
-        speed = np.linalg.norm(self._tips - before, axis=1) / tick
+        speed = np.linalg.norm(self._tips - self._tips_before, axis=1) / tick
         distance = np.linalg.norm(self._tips - self._goals, axis=1)
         calm = ~np.isnan(self._state.arrival) & (distance < SETTLED_DISTANCE) & (speed < SETTLED_SPEED)
         self._settled_since = np.where(calm, np.fmin(self._settled_since, self.time), np.nan)
@@ -268,7 +269,13 @@ class Simulation:
         return q
 
     def trace(self) -> EpisodeTrace:
-        """What happened so far; needs ``record``."""
+        """What happened so far.
+
+        Raises:
+            ConfigError: Nothing was recorded.
+        """
+        if not self.record:
+            raise ConfigError("this environment keeps no trace", remedy="make it with record=True")
         columns = list(zip(*self._rows, strict=True))
         lam, mu = np.stack(columns[0]), np.stack(columns[1])
         arms = self.cell.arms

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 # Fields of the buffer, per arm: ten of the phase plane, the time to go, five of the path table, twelve of the arm.
+BLOCK = 64
 _ROWS, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 10, 11, 16, 28
 
 
@@ -32,6 +33,7 @@ class World(NamedTuple):
     torque_max: Array  # (A, n) true limits; plans may keep a reserve
     scale: Array  # (A, 2) minimum time [s], acceleration that counts as 1
     last_occupied: Array  # (A, A, R) [i, j, row]: how far arm j goes before arm i's row is free for good; < 0: it is
+    last_in_block: Array  # (A, A, R / BLOCK) the largest of BLOCK rows of it
     clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
     nodes: int
     by_speed: bool
@@ -84,6 +86,7 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
         torque_max=torque_max,
         scale=np.stack([minimum, 8.0 * lengths / minimum**2], axis=1),
         last_occupied=last,
+        last_in_block=np.maximum.reduceat(last, np.arange(0, last.shape[2], BLOCK), axis=2),
         clearance=np.array(places, dtype=np.int64).reshape(-1, 3),
         nodes=len(clearances[0][2].distance) if clearances else 0,
         by_speed=mode == "speed",
@@ -103,6 +106,12 @@ def rows_of(world: World, i: int) -> phase_kernels.Rows:
         b[o[4] : o[4] + N * n].reshape(N, n),
         b[o[5] : o[5] + N],
     )
+
+
+@njit
+def length_of(world: World, i: int) -> float:
+    """The length of arm i's path."""
+    return world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]  # type: ignore[no-any-return]
 
 
 @njit
@@ -160,6 +169,4 @@ def clearance_of(world: World, p: int) -> ClearanceTable:
     """The clearance table of pair p."""
     i, j, o = world.clearance[p, 0], world.clearance[p, 1], world.clearance[p, 2]
     K = world.nodes
-    length_i = world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]
-    length_j = world.buffer[world.offset[j, _ROWS] + world.size[j, 0] - 1]
-    return ClearanceTable(world.buffer[o : o + K * K].reshape(K, K), length_i, length_j)
+    return ClearanceTable(world.buffer[o : o + K * K].reshape(K, K), length_of(world, i), length_of(world, j))

@@ -14,7 +14,7 @@ from armtempo.envs._episode import Episode, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
-from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.errors import ActionError, ConfigError, UnknownNameError
 from armtempo.planners import Cell, Mode
 
 
@@ -87,6 +87,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space: Box = observation_space()  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
+        self._running = False
 
     @property
     def simulation(self) -> Simulation:
@@ -107,6 +108,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         late = np.zeros(len(self.cell.arms))
         late[0] = float((options or {}).get("master_late_s", drawn))
         self._episode.reset(late)
+        self._running = True
         if self.render_mode == "human":
             self.render()
         return self.simulation.observe()[self._own], {"master_late_s": late[0].item()}
@@ -115,12 +117,15 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Run one control period.
 
         Raises:
-            ActionError: The action is not one finite number.
+            ActionError: The action is not one finite number, or the episode is over.
         """
+        if not self._running:
+            raise ActionError("the episode is over", remedy="call reset before step")
         commands = np.ones(len(self.cell.arms))
         commands[self._own] = read_action(action, self.cell.arms[self._own].name)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
+        self._running = not (terminated or truncated)
         if self.render_mode == "human":
             self.render()
         return self.simulation.observe()[self._own], reward, terminated, truncated, info

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, final
 
 import numpy as np
@@ -228,7 +229,41 @@ class VelocityControl:
         Raises:
             InfeasibleError: Braking from now on cannot keep the slave behind the master.
         """
-        commands, counts, steps, history = self._solve(master, lam, mu, record=True)
+        commands, counts, history = self._solve(master, lam, mu, record=True)
+        trajectory = self.slave.motion(
+            np.repeat(commands, self.checks),
+            np.full(len(commands) * self.checks, self.period / self.checks),
+            lam,
+            mu,
+            mode=self.mode,
+        )
+        corrections = int(counts[0])
+        history = history[:corrections].copy()
+        history.setflags(write=False)
+        return VciPlan(
+            commands, trajectory, corrections, int(counts[1]), int(counts[2]), float(counts[3]) * self.period, history
+        )
+
+    def commands(self, master: PhaseTrajectory, lam: float, mu: float) -> Array:
+        """The commands of ``plan`` alone, for those who plan on line; raises as it does."""
+        return self._solve(master, lam, mu, record=False)[0]
+
+    @cached_property
+    def _alone(self) -> float:
+        """Minimum time of the slave [s]."""
+        return self.slave.fastest().duration
+
+    def _solve(self, master: PhaseTrajectory, lam: float, mu: float, *, record: bool) -> tuple[Array, Array, Array]:
+        longest = master.duration + 3.0 * self._alone + 20.0 * self.period
+        most = math.ceil(longest / self.period)
+        state, commands = np.empty((most + 1, 3)), np.zeros(most)
+        state[0] = lam, mu, 0.0
+        counts = np.zeros(4)
+        history = np.empty((most if record else 0, 4))
+        steps = int(control_intervals(
+            self.slave.rows, self.slave.edges, state, commands, self.mode == "speed", self.period, self.checks,
+            self._limit(master, most), counts, history,
+        ))  # fmt: skip
         if steps < 0:
             names = [repr(plane.dynamics.arm.name) if plane.dynamics.arm else "" for plane in (self.master, self.slave)]
             late = (-1 - steps) * self.period
@@ -244,34 +279,7 @@ class VelocityControl:
                 remedy="let the other arm go first (swap the order of the arms), or move a start or an end",
                 reason="braking from the start is not enough",
             )
-        trajectory = self.slave.motion(
-            np.repeat(commands, self.checks),
-            np.full(len(commands) * self.checks, self.period / self.checks),
-            lam,
-            mu,
-            mode=self.mode,
-        )
-        corrections = int(counts[0])
-        history = history[:corrections].copy()
-        history.setflags(write=False)
-        return VciPlan(
-            commands, trajectory, corrections, int(counts[1]), int(counts[2]), float(counts[3]) * self.period, history
-        )
-
-    def _solve(
-        self, master: PhaseTrajectory, lam: float, mu: float, *, record: bool = False
-    ) -> tuple[Array, Array, int, Array]:
-        longest = master.duration + 3.0 * self.slave.fastest().duration + 20.0 * self.period
-        most = math.ceil(longest / self.period)
-        state, commands = np.empty((most + 1, 3)), np.zeros(most)
-        state[0] = lam, mu, 0.0
-        counts = np.zeros(4)
-        history = np.empty((most if record else 0, 4))
-        steps = control_intervals(
-            self.slave.rows, self.slave.edges, state, commands, self.mode == "speed", self.period, self.checks,
-            self._limit(master, most), counts, history,
-        )  # fmt: skip
-        return commands[: max(steps, 0)].copy(), counts, int(steps), history
+        return commands[:steps].copy(), counts, history
 
     def expected(self, master_lam: float, master_mu: float) -> PhaseTrajectory:
         """The motion that the master is expected to make from where it is: full speed."""
@@ -284,7 +292,7 @@ class VelocityControl:
         master is at least as far as that one, so a master that is late, slow or stops costs time, never a collision.
         """
         stopping = self.master.braking(master_lam, master_mu)
-        longest = self.period + self.slave.braking(lam, mu).duration + self.slave.fastest().duration
+        longest = self.period + self.slave.braking(lam, mu).duration + self._alone
         limit = self._limit(stopping, math.ceil(longest / self.period))
         by_speed = self.mode == "speed"
 

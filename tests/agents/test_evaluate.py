@@ -104,7 +104,9 @@ def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
     alone = evaluate(lee1991, ("random",), episodes=1, seed=5, physics="ideal", master_late_s=0.12)
     np.testing.assert_array_equal(  # the seeds count up
         alone.results["random"].trace.lam,
-        evaluate(lee1991, ("random",), episodes=1, seed=5, physics="ideal", master_late_s=0.12).results["random"].trace.lam,
+        evaluate(lee1991, ("random",), episodes=1, seed=5, physics="ideal", master_late_s=0.12)
+        .results["random"]
+        .trace.lam,
     )
 
 
@@ -118,7 +120,7 @@ def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) ->
 
 
 def test_errors(lee1991: Cell) -> None:
-    with pytest.raises(UnknownNameError, match="policy 'optmal'.*did you mean 'optimal'"):
+    with pytest.raises(UnknownNameError, match=r"policy 'optmal'.*did you mean 'optimal'"):
         evaluate(lee1991, ("optmal",))
     with pytest.raises(ConfigError, match="episodes must be at least 1"):
         evaluate(lee1991, ("delay",), episodes=0)

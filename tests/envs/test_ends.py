@@ -14,7 +14,7 @@ FAR_APART = 0.15  # [s] the master late: both at full speed pass without a viola
 
 
 def _all(env: CoordinationEnv, action: np.ndarray = FULL) -> dict[str, np.ndarray]:
-    return {agent: action for agent in env.agents}
+    return dict.fromkeys(env.agents, action)
 
 
 def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: Cell) -> None:
@@ -28,7 +28,7 @@ def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: Cell) -> Non
             lam, mu, used = plane.advance(lam, mu, 1.0, lee1991.physics_tick)
             clock += used
         assert arrival - late == pytest.approx(clock, abs=1e-12)
-        assert arrival - late == pytest.approx(plane.fastest().duration, abs=5e-5)  # ticks cut the intervals of the grid
+        assert arrival - late == pytest.approx(plane.fastest().duration, abs=5e-5)  # cut into ticks
     assert (env.trace.arrival % lee1991.physics_tick > 1e-6).all()  # not rounded to ticks
     np.testing.assert_array_equal(env.simulation.lam, [path.length for path in lee1991.paths])
     np.testing.assert_array_equal(env.simulation.mu, 0.0)

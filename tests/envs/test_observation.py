@@ -22,15 +22,17 @@ def _entry(row: NDArray[np.float32], name: str) -> float:
 
 def test_the_table_is_the_space_and_the_docstring(lee1991: Cell) -> None:
     assert len(set(NAMES)) == len(NAMES) == len(OWN) + OTHERS * len(OTHER)
-    for env in (CoordinationEnv(lee1991, physics="ideal"), YieldingEnv(lee1991, physics="ideal")):
-        space = env.observation_space if isinstance(env, YieldingEnv) else env.observation_space("arm_1")
+    spaces = [CoordinationEnv(lee1991, physics="ideal").observation_space("arm_1")]
+    spaces += [YieldingEnv(lee1991, physics="ideal").observation_space]
+    for space in spaces:
         assert space.shape == (len(ENTRIES),)
         assert space.dtype == np.float32
-        np.testing.assert_array_equal(space.low, [entry.low for entry in ENTRIES])  # type: ignore[attr-defined]
-        np.testing.assert_array_equal(space.high, [entry.high for entry in ENTRIES])  # type: ignore[attr-defined]
+        np.testing.assert_array_equal(space.low, [entry.low for entry in ENTRIES])
+        np.testing.assert_array_equal(space.high, [entry.high for entry in ENTRIES])
+    for env_class in (CoordinationEnv, YieldingEnv):
         for entry in ENTRIES:
-            assert entry.name in (env.__doc__ or "")
-            assert entry.meaning in (env.__doc__ or "")
+            assert entry.name in (env_class.__doc__ or "")
+            assert entry.meaning in (env_class.__doc__ or "")
 
 
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))

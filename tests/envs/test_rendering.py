@@ -19,7 +19,7 @@ def _pixels_of(picture: NDArray[np.uint8], arm: int) -> NDArray[np.bool_]:
     bright = shown.max(axis=2)
     hue = shown / np.maximum(bright, 1e-9)[..., None]
     near = np.abs(hue - colour / colour.max()).max(axis=2) < 0.12
-    return near & (bright > 0.15)
+    return np.asarray(near & (bright > 0.15), dtype=np.bool_)
 
 
 @pytest.fixture(params=["egl", "tiny"])
@@ -87,7 +87,7 @@ def test_a_window_without_a_display_is_an_error_at_reset(
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     env = make(lee1991, physics="ideal", render_mode="human")
-    with pytest.raises(RenderError, match="needs a display.*xvfb-run.*rgb_array"):
+    with pytest.raises(RenderError, match=r"needs a display.*xvfb-run.*rgb_array"):
         env.reset()
     env.close()
 
