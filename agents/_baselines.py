@@ -16,7 +16,7 @@ from typing import final
 import numpy as np
 
 from armtempo.agents._policy import Actions, Observations, Policy, to_action
-from armtempo.envs import OTHER, OWN, CoordinationEnv
+from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import InfeasibleError, UnknownNameError
 from armtempo.planners import METHODS, Cell, Mode, PhasePlane, Schedule, VelocityControl, schedule
 
@@ -30,8 +30,8 @@ _AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 def _position(cell: Cell, arm: int, progress: float, speed: float) -> tuple[float, float]:
     """``lam`` and ``mu`` of an arm from its entries of an observation."""
     plane = cell.planes[arm]
-    lam = 0.5 * (progress + 1.0) * plane.length
-    return lam, 0.5 * (speed + 1.0) * plane.edge_speed(lam)
+    lam = share(progress) * plane.length
+    return lam, share(speed) * plane.edge_speed(lam)
 
 
 def _states(cell: Cell, observations: Observations) -> list[tuple[float, float]]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
-from armtempo.envs._coordination import CoordinationEnv, as_actions
-from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table
+from armtempo.envs._coordination import CoordinationEnv
+from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
 from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
 from armtempo.envs._yielding import YieldingEnv
@@ -23,9 +23,9 @@ __all__ = [
     "Renderer",
     "Simulation",
     "YieldingEnv",
-    "as_actions",
     "coordination_v0",
     "observation_table",
+    "share",
 ]
 
 for _env in (CoordinationEnv, YieldingEnv):

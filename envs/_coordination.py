@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, read_action
@@ -87,6 +87,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self.master_late_s = float(master_late_s)
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
+        self._full_speed = np.ones(len(self.possible_agents))
         self.observation_spaces = {agent: observation_space() for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._renderer: Renderer | None = None
@@ -135,7 +136,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         """
         if not self.agents:
             raise ActionError("the episode is over", remedy="call reset before step")
-        commands = np.ones(len(self.possible_agents))  # an arm at its goal stays there
+        commands = self._full_speed.copy()  # an arm at its goal stays there
         for agent in self.agents:
             if agent not in actions:
                 raise ActionError(
@@ -171,8 +172,3 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self.simulation.close()
         if self._renderer is not None:
             self._renderer.close()
-
-
-def as_actions(commands: ArrayLike) -> NDArray[np.float32]:
-    """Commands in [0, 1] as actions in [-1, 1], one row (1,) per arm."""
-    return (2.0 * np.asarray(commands, dtype=np.float64) - 1.0).astype(np.float32).reshape(-1, 1)

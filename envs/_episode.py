@@ -32,8 +32,8 @@ def read_action(action: ArrayLike, agent: str) -> float:
         ActionError: It is not one finite number.
     """
     try:
-        value = np.asarray(action, dtype=np.float64)
-        number = float(value.reshape(-1)[0]) if value.shape in ((1,), ()) else math.nan
+        value = np.asarray(action)
+        number = float(value.item()) if value.shape in ((1,), ()) else math.nan
     except (TypeError, ValueError):  # not numbers at all
         number = math.nan
     if not math.isfinite(number):

@@ -88,6 +88,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._running = False
+        self._full_speed = np.ones(len(names))
 
     @property
     def simulation(self) -> Simulation:
@@ -121,7 +122,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if not self._running:
             raise ActionError("the episode is over", remedy="call reset before step")
-        commands = np.ones(len(self.cell.arms))
+        commands = self._full_speed.copy()
         commands[self._own] = read_action(action, self.cell.arms[self._own].name)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)

@@ -146,9 +146,13 @@ class Cell:
         """
         arm, path = self.arms[i], self.paths[i]
         # of two own links both move; plans keep off obstacles by the reserve too
-        checks = [(self.clearance.self_collision, 0.0, 2.0, "itself")]
+        checks = []
+        if self.clearance.self_pairs(i):
+            checks.append((self.clearance.self_collision, 0.0, 2.0, "itself"))
         if self.obstacles:
             checks.append((self.clearance.obstacles, self.planned_clearance, 1.0, "an obstacle"))
+        if not checks:
+            return
         smallest = round(1.0 / FINEST_STATION)
         sweeps = swept_displacements(arm, path, smallest)
         stack = [(1, 0)]

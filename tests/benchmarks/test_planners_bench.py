@@ -49,7 +49,7 @@ def toppra_solver(dynamics: PathDynamics) -> Callable[[], float]:
         lambda q: np.vstack([np.eye(path.dof), -np.eye(path.dof)]),
         lambda q: limits,
         path.dof,
-        discretization_scheme=DiscretizationType.Interpolation,
+        discretization_scheme=DiscretizationType.Interpolation,  # pyright: ignore[reportArgumentType]
     )
     solver = ta.algorithm.TOPPRA(
         [torque], Geometry(), gridpoints=dynamics.grid, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel"
