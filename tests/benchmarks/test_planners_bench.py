@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -27,7 +28,7 @@ def best(function: Callable[[], object], repeat: int = 7) -> float:
 
 def toppra_solver(dynamics: PathDynamics) -> Callable[[], float]:
     """toppra on the same rows (their evaluation is not counted), the same grid, seidel."""
-    ta: Any = pytest.importorskip("toppra")
+    ta: Any = importlib.import_module("toppra")
     from toppra.constraint import DiscretizationType, SecondOrderConstraint  # type: ignore[import-untyped, unused-ignore]
 
     path, arm = dynamics.path, dynamics.arm

@@ -45,7 +45,6 @@ def test_gymnasium_check_env(lee1991: Cell, physics: Physics, mode: Mode) -> Non
 
 @pytest.mark.parametrize(("physics", "mode"), BOTH)
 def test_stable_baselines3_check_env(lee1991: Cell, physics: Physics, mode: Mode) -> None:
-    pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
     env = _checked_yielding(lee1991, physics, mode)

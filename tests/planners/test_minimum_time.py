@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable
 from typing import Any
@@ -19,9 +20,9 @@ from armtempo.robots import Arm
 Floats = NDArray[np.float64]
 SplineDynamics = Callable[..., PathDynamics]
 
-ta: Any = pytest.importorskip("toppra")
-constraint: Any = pytest.importorskip("toppra.constraint")
-algorithm: Any = pytest.importorskip("toppra.algorithm")
+ta: Any = importlib.import_module("toppra")
+constraint: Any = importlib.import_module("toppra.constraint")
+algorithm: Any = importlib.import_module("toppra.algorithm")
 
 
 def toppra_duration(dynamics: PathDynamics, mu_start: float = 0.0, mu_end: float = 0.0) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import math
 from itertools import product
@@ -22,7 +23,7 @@ from armtempo.robots import Arm, Clearance, Shape, _clearance, kernels, shape_di
 
 Floats = NDArray[np.float64]
 
-coal: Any = pytest.importorskip("coal")  # without types of its own
+coal: Any = importlib.import_module("coal")  # without types of its own
 
 DATA = Path(pybullet_data.getDataPath())
 PLANAR = Path(__file__).parents[2] / "configs" / "robots" / "planar_two_link.urdf"
