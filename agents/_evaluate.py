@@ -13,11 +13,11 @@ import numpy as np
 from armtempo.agents._baselines import POLICIES, make_policy
 from armtempo.agents._policy import Policy
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
-from armtempo.errors import ConfigError, InfeasibleError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, Cell, Mode, Schedule, schedule
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PolicyResult:
     """What a policy did; means over the episodes that finished, worst cases over all. None where there is no number.
 
@@ -60,7 +60,7 @@ class PolicyResult:
         return {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("trace", "schedule")}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
     """Policies compared in one cell.
 
@@ -140,12 +140,12 @@ def evaluate(
         UnknownNameError: A policy that does not exist; the message lists those that do.
         InfeasibleError: A named policy has no schedule in this cell.
     """
-    chosen = POLICIES if policies is None else tuple(policies)
+    chosen = POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
     for name in chosen:
         if name not in POLICIES:
             raise UnknownNameError("policy", name, POLICIES)
     if episodes < 1:
-        raise ConfigError(f"episodes must be at least 1, got {episodes}")
+        raise InputError(f"episodes must be at least 1, got {episodes}")
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
     try:
         results, refused = {}, {}

@@ -76,6 +76,8 @@ class ToolConfig(_Model):
         ixx, iyy, izz = self.inertia_kgm2[:3]
         if min(ixx, iyy, izz) < 0 or 2 * max(ixx, iyy, izz) > (ixx + iyy + izz) * (1 + 1e-9):
             raise ValueError("inertia_kgm2: ixx, iyy, izz must be >= 0, and none larger than the sum of the other two")
+        if any(self.inertia_kgm2) and self.mass_kg == 0.0:
+            raise ValueError("inertia_kgm2: a tool without mass_kg cannot have one")
         return self
 
 
@@ -264,16 +266,16 @@ class CellConfig(_Model):
     """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m]."""
     clearance_reserve_m: NonNegative = 0.0005
     """Planned on top of ``d_min_m``, for what the execution will deviate [m]."""
-    torque_reserve: Annotated[Real, Field(ge=0, lt=1)] = 0.0
-    """Share of each torque limit that plans leave to the controller, 0 to 1."""
-    physics_tick_s: Positive = 0.001
-    """Step of the simulation [s]."""
+    torque_reserve: Annotated[Real, Field(ge=0, le=0.9)] = 0.0
+    """Share of each torque limit that plans leave to the controller, 0 to 0.9."""
+    physics_tick_s: Annotated[Real, Field(ge=1e-5, le=0.02)] = 0.001
+    """Step of the simulation [s]; clearance is watched at every tick, so it may not be long."""
     control_period_s: Positive = 0.004
     """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
-    stations: Annotated[int, Field(ge=2, strict=True)] = 1000
+    stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000
     """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
-    chart_tolerance_m: Positive = 0.0004
-    """Side of the smallest cell of a coordination chart [m]."""
+    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] = 0.0004
+    """Side of the smallest cell of a coordination chart [m]; a chart has at most 4096 cells along each side."""
     arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
     """The arms in priority order: the first is the master."""
     obstacles: tuple[ObstacleConfig, ...] = ()

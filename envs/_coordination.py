@@ -36,6 +36,9 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
 
     {table}
 
+    **Clearance** is watched between the arms: by FCL at every tick in ``bullet``, in ``ideal`` from a table of such
+    distances over both paths. Obstacles count when the cell is loaded: the paths are certified against them.
+
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
 
@@ -43,8 +46,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
 
     **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the
     tick; in ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of
-    the goal below 10 mm/s for 20 ms. All terminate when FCL finds two arms closer than ``d_min`` at any tick. The
-    episode is *truncated* at five times the sequential time.
+    the goal below 10 mm/s for 20 ms. All terminate when two arms are closer than ``d_min`` at any tick. The episode
+    is *truncated* at five times the sequential time.
 
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``Cell``.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._reward import collision_reward, progress_reward, time_reward
 from armtempo.envs._simulation import Physics, Simulation
-from armtempo.errors import ActionError, ConfigError
+from armtempo.errors import ActionError, InputError
 from armtempo.planners import Cell, Mode, load_cell
 
 Array = NDArray[np.float64]
@@ -47,10 +47,10 @@ def read_action(action: ArrayLike, agent: str) -> float:
 
 
 def check_late(late: ArrayLike) -> None:
-    """Raise ConfigError unless all of ``late`` [s] are times to wait."""
+    """Raise InputError unless all of ``late`` [s] are times to wait."""
     times = np.asarray(late, dtype=np.float64)
     if not (np.isfinite(times).all() and (times >= 0.0).all()):
-        raise ConfigError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
+        raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
 
 
 @final
@@ -63,21 +63,20 @@ class Episode:
         self.reference_time = cell.sequential_makespan
         self.time_limit = TIME_LIMIT * self.reference_time if max_episode_s is None else float(max_episode_s)
         if not self.time_limit > 0.0:
-            raise ConfigError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+            raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
         self.lengths = [path.length for path in cell.paths]
         self._start(len(cell.arms))
 
     def _start(self, arms: int) -> None:
         self._charged = [0.0] * arms
         self._before = [0.0] * arms
-        self.running = [True] * arms
         self.timed_out = False
 
     def reset(self, late: ArrayLike) -> None:
         """Start again; ``late`` (A,) [s].
 
         Raises:
-            ConfigError: It is negative or not finite.
+            InputError: It is negative or not finite.
         """
         check_late(late)
         self.simulation.reset(late)
@@ -103,7 +102,6 @@ class Episode:
         self._before[i], self._charged[i] = position, until
         terminated = arrived or simulation.violated
         truncated = self.timed_out and not terminated
-        self.running[i] = not (terminated or truncated)
         info: dict[str, Any] = {
             "lam": position,
             "mu": float(simulation.mu[i]),

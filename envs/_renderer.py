@@ -9,20 +9,23 @@ from __future__ import annotations
 import functools
 import subprocess
 import sys
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.envs._bullet import pybullet
-from armtempo.envs._scene import Scene, display_available
+from armtempo.envs._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
 from armtempo.planners import Cell
+from armtempo.robots import Shape
 
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 640, 480
+HARDWARE = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
+GREY = (0.6, 0.6, 0.6, 1.0)
 BEADS = 40  # per path
 TILT = 0.35  # [rad] of the view from straight down
 VIEW_DEG = 40.0  # vertical
@@ -84,6 +87,8 @@ class Renderer:
             tips.append(arm.tip_pose(q)[:, :3, 3])
             points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *tips[-1]]
         self._paint(tips)
+        for obstacle in cell.obstacles:
+            self._stand(obstacle)
         self._aim(np.array(points))
 
     def _paint(self, tips: list[Array]) -> None:
@@ -101,6 +106,29 @@ class Renderer:
                 baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=beads.tolist(), basePosition=beads[0].tolist(),
                 physicsClientId=client,
             )  # fmt: skip
+
+    def _stand(self, obstacle: Shape) -> None:
+        """An obstacle, in grey."""
+        client, size = self._scene.client, obstacle.size
+        form: dict[str, Any]
+        if obstacle.kind == "box":
+            form = {"shapeType": pybullet.GEOM_BOX, "halfExtents": [0.5 * side for side in size]}
+        elif obstacle.kind == "sphere":
+            form = {"shapeType": pybullet.GEOM_SPHERE, "radius": size[0]}
+        elif obstacle.vertices is None or obstacle.faces is None:
+            kind = pybullet.GEOM_CAPSULE if obstacle.kind == "capsule" else pybullet.GEOM_CYLINDER
+            form = {"shapeType": kind, "radius": size[0], "length": size[1]}
+        else:
+            form = {"vertices": obstacle.vertices.tolist(), "indices": obstacle.faces.ravel().tolist()}
+            form["shapeType"] = pybullet.GEOM_MESH
+        T = obstacle.T_link_shape
+        pybullet.createMultiBody(
+            baseMass=0.0,
+            baseVisualShapeIndex=pybullet.createVisualShape(**form, rgbaColor=GREY, physicsClientId=client),
+            basePosition=T[:3, 3].tolist(),
+            baseOrientation=quat_xyzw(T[:3, :3]),
+            physicsClientId=client,
+        )
 
     def _aim(self, points: Array) -> None:
         """Look down on everything the arms sweep, from as near as shows it all."""
@@ -132,7 +160,7 @@ class Renderer:
             self._projection,
             shadow=0,
             lightDirection=(0.3, -0.4, 1.0),
-            renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+            renderer=HARDWARE if self._scene.hardware else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._scene.client,
         )
         rgba = np.array(pixels, dtype=np.uint8).reshape(HEIGHT, WIDTH, 4)

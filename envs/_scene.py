@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._bullet import pybullet
+from armtempo.envs._bullet import pybullet, quiet
 from armtempo.errors import RobotError
 from armtempo.planners import Cell
 from armtempo.robots import Arm
@@ -58,7 +58,7 @@ class Scene:
             self._calm(body, self.joints[-1])
 
     def _load(self, arm: Arm) -> int:
-        x, y, z, w = _quat_xyzw(arm.T_world_base[:3, :3])
+        x, y, z, w = quat_xyzw(arm.T_world_base[:3, :3])
         with tempfile.TemporaryDirectory() as folder:
             file = _with_tool(self.cell, arm, Path(folder))
             try:
@@ -110,7 +110,8 @@ class Scene:
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
         if self.client >= 0:
-            pybullet.disconnect(self.client)
+            with quiet():
+                pybullet.disconnect(self.client)
             self.client = -1
 
 
@@ -118,7 +119,8 @@ def _load_egl(client: int) -> bool:
     spec = importlib.util.find_spec("eglRenderer")
     if spec is None or spec.origin is None:
         return False
-    return int(pybullet.loadPlugin(spec.origin, "_eglRendererPlugin", physicsClientId=client)) >= 0
+    with quiet():
+        return int(pybullet.loadPlugin(spec.origin, "_eglRendererPlugin", physicsClientId=client)) >= 0
 
 
 def display_available() -> bool:
@@ -126,7 +128,8 @@ def display_available() -> bool:
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY"))
 
 
-def _quat_xyzw(R: Array) -> tuple[float, float, float, float]:
+def quat_xyzw(R: Array) -> tuple[float, float, float, float]:
+    """A rotation matrix as PyBullet's quaternion."""
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.from_matrix(R).as_quat()

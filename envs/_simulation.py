@@ -17,7 +17,7 @@ from armtempo.envs._kernels import control, observe, run_ideal, tip_positions, t
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
 from armtempo.envs._world import State, pack
-from armtempo.errors import ConfigError, InfeasibleError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import Cell, Mode, clearance_table
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ SETTLED_TIME = 0.020  # [s] for which both must hold
 IDEAL_FCL_BELOW = 0.05  # [m] above d_min: nearer than this the ideal clearance table asks FCL, not capsules
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class EpisodeTrace:
     """An episode at its ticks; A arms, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
 
@@ -272,10 +272,10 @@ class Simulation:
         """What happened so far.
 
         Raises:
-            ConfigError: Nothing was recorded.
+            InputError: Nothing was recorded.
         """
         if not self.record:
-            raise ConfigError("this environment keeps no trace", remedy="make it with record=True")
+            raise InputError("this environment keeps no trace", remedy="make it with record=True")
         columns = list(zip(*self._rows, strict=True))
         lam, mu = np.stack(columns[0]), np.stack(columns[1])
         arms = self.cell.arms

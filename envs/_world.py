@@ -62,6 +62,12 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
         length += parts[-1].size
         return length - parts[-1].size
 
+    # The functions below cut the fields out again by their places.
+    assert phase_kernels.Rows._fields == ("station", "a", "b", "low", "high", "x_cap")
+    assert phase_kernels.Edges._fields == ("low", "high", "low_next", "high_next")
+    assert PathTable._fields == ("station", "q", "dq", "ddq", "ddq_before")
+    assert len(ArmModel._fields) == 1 + _FIELDS - _MODEL
+    assert ArmModel._fields[3] == "prismatic"
     for i, (arm, plane, path, motion) in enumerate(zip(cell.arms, cell.planes, cell.paths, cell.fastest, strict=True)):
         table = path.table()
         model = [field for name, field in arm.model._asdict().items() if name != "prismatic"]

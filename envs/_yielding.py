@@ -14,7 +14,7 @@ from armtempo.envs._episode import Episode, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
-from armtempo.errors import ActionError, ConfigError, UnknownNameError
+from armtempo.errors import ActionError, InputError, UnknownNameError
 from armtempo.planners import Cell, Mode
 
 
@@ -32,6 +32,9 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     **Observation**, Box, (17,) float32, the same for every cell:
 
     {table}
+
+    **Clearance** is watched between the arms: by FCL at every tick in ``bullet``, in ``ideal`` from a table of such
+    distances over both paths. Obstacles count when the cell is loaded: the paths are certified against them.
 
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
@@ -73,7 +76,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         check_render_mode(render_mode)
         low, high = master_late_s if isinstance(master_late_s, tuple | list) else (master_late_s, master_late_s)
         if not (np.isfinite([low, high]).all() and 0.0 <= low <= high):
-            raise ConfigError(
+            raise InputError(
                 f"master_late_s must be a time or a range in seconds, got {master_late_s}", remedy="give 0 or more"
             )
         self.cell = as_cell(cell)

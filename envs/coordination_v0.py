@@ -15,6 +15,6 @@ parallel_env = CoordinationEnv
 raw_env = CoordinationEnv
 
 
-def env(**options: Any) -> AECEnv[str, Any, Any]:
-    """The same environment in turns (AEC); options as ``parallel_env``."""
-    return parallel_to_aec(CoordinationEnv(**options))
+def env(*arguments: Any, **options: Any) -> AECEnv[str, Any, Any]:
+    """The same environment in turns (AEC); arguments as ``parallel_env``."""
+    return parallel_to_aec(CoordinationEnv(*arguments, **options))

@@ -18,7 +18,7 @@ from armtempo.configs import (
     load_cell_config,
     resolve_file,
 )
-from armtempo.errors import ArmtempoError, CollisionError, ConfigError
+from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
 from armtempo.planners._joint_path import JointPath
@@ -148,16 +148,37 @@ def _build_path(arm: Arm, config: ArmConfig) -> JointPath:
         except ArmtempoError as error:
             raise error.at(f"segments[{k}]") from error
         start = segments[-1].end
-    return TwoLinkPath(arm, CartesianPath(segments), config.elbow or "positive")
+    if config.elbow is None:
+        raise PathError(
+            "elbow is missing: a two-link arm reaches every point in two ways",
+            remedy="give elbow: positive or negative",
+        )
+    return TwoLinkPath(arm, CartesianPath(segments), config.elbow)
 
 
 def _build_plane(arm: Arm, path: JointPath, config: CellConfig) -> PhasePlane:
-    """The phase plane on a grid fine enough that dense sampling finds no torque above its limit by more than 0.1 %."""
+    """The phase plane on a grid fine enough that dense sampling finds no torque above its limit by more than 0.1 %.
+
+    Asked of the minimum-time motion and of full speed in ticks, which does not move from station to station.
+    """
     intervals = config.stations
     while True:
-        plane = PhasePlane(PathDynamics.from_path(arm, path, intervals=intervals, torque_reserve=config.torque_reserve))
-        if plane.fastest().certificate.torque_excess <= TORQUE_TOLERANCE or intervals >= FINEST_GRID:
+        dynamics = PathDynamics.from_path(arm, path, intervals=intervals, torque_reserve=config.torque_reserve)
+        plane = PhasePlane(dynamics)
+        fastest = plane.fastest()
+        ticks = int(1.5 * fastest.duration / config.physics_tick_s) + 2
+        stepped = plane.motion(np.ones(ticks), np.full(ticks, config.physics_tick_s))
+        worst = max((fastest.certificate, stepped.certificate), key=lambda certificate: certificate.torque_excess)
+        if worst.torque_excess <= TORQUE_TOLERANCE:
             return plane
+        if intervals >= FINEST_GRID:
+            raise InfeasibleError(
+                f"torques of arm {arm.name!r} change too fast at station {worst.worst_station:.4g} m: "
+                f"{100.0 * worst.torque_excess:.2g} % above a limit even with {intervals} stations",
+                remedy="keep the path away from the limits of the arm's reach",
+                station=worst.worst_station,
+                joint=worst.worst_joint,
+            )
         intervals *= 2
 
 

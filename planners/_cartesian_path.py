@@ -43,7 +43,7 @@ def _point(value: ArrayLike, name: str) -> Array:
     return point
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """Straight segment from ``start`` to ``end``, both (3,) [m].
 
@@ -70,7 +70,7 @@ class Line:
         return position, np.broadcast_to(tangent, position.shape).copy(), np.zeros_like(position)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Arc:
     """Circular arc about a centre, the shorter of the two unless ``normal`` is given.
 
@@ -137,7 +137,7 @@ class Arc:
         return self.center + self.radius * outward, tangent, -outward / self.radius
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CartesianPath:
     """A chain of segments that join in position and tangent.
 

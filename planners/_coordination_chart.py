@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from armtempo.errors import CollisionError
+from armtempo.errors import InputError
 from armtempo.planners._joint_path import JointPath
 from armtempo.robots import Arm, kernels, njit, shape_distance
 
@@ -37,7 +37,7 @@ OVERSAMPLING = 8  # path samples per smallest cell, for the displacement tables
 MAX_RESOLUTION = 4096
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Motion:
     """Samples of an arm along its path: where the points that bound its shapes go, and how far."""
 
@@ -204,7 +204,7 @@ def _split(
     return new_a, new_b, new_first, new_pairs
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 @final
 class CoordinationChart:
     """Where two arms on their paths come closer than ``d_min``, cell by cell.
@@ -241,13 +241,14 @@ class CoordinationChart:
             arm_b: Second arm.
             path_b: Its path.
             d_min: Smallest allowed distance between links [m].
-            tolerance: Largest side of a cell that may stay undecided, in the unit of lambda.
+            tolerance: Largest side of a cell that may stay undecided, in the unit of lambda; there are at most
+                4096 cells along each path.
 
         Raises:
-            CollisionError: ``d_min`` or ``tolerance`` is not a positive number.
+            InputError: ``d_min`` is negative, ``tolerance`` not positive, or one of them not finite.
         """
         if not (math.isfinite(d_min) and d_min >= 0.0 and math.isfinite(tolerance) and tolerance > 0.0):
-            raise CollisionError(f"d_min must be >= 0 and tolerance > 0, got {d_min} and {tolerance}")
+            raise InputError(f"d_min must be >= 0 and tolerance > 0, got {d_min} and {tolerance}")
         levels = max(4, math.ceil(math.log2(max(path_a.length, path_b.length) / tolerance)))
         resolution = min(2**levels, MAX_RESOLUTION)
         samples = OVERSAMPLING * resolution
@@ -333,9 +334,9 @@ class CoordinationChart:
         return float(np.mean(self.states == state))
 
     def _cells(self, value: float | tuple[float, float], length: float) -> slice:
-        low, high = value if isinstance(value, tuple) else (value, value)
+        low, high = (float(end) for end in np.broadcast_to(value, 2))
         if not (0.0 <= low <= high <= length * (1.0 + 1e-12)):
-            raise CollisionError(
+            raise InputError(
                 f"{value} is outside the path, [0, {length:.6g}]", remedy="give 0 <= low <= high <= length"
             )
         step = length / self.resolution

@@ -22,7 +22,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InputError
 from armtempo.planners._joint_path import JointPath
 from armtempo.robots import Arm, kernels
 
@@ -59,7 +59,7 @@ class PathDynamics:
         speed_max: Upper limits of ``mu``, (N+1,), or None.
 
     Raises:
-        InfeasibleError: A shape is wrong, a number is not finite, or limits cross; the message names the argument.
+        InputError: A shape is wrong, a number is not finite, or limits cross; the message names the argument.
     """
 
     def __init__(
@@ -77,36 +77,34 @@ class PathDynamics:
         self.M = _read_only(M)
         shape = self.M.shape
         if len(shape) != 2 or self.grid.shape != shape[:1] or shape[0] < 2 or shape[1] < 1:
-            raise InfeasibleError(f"grid and M must have shapes (N+1,) and (N+1, n), got {self.grid.shape} and {shape}")
+            raise InputError(f"grid and M must have shapes (N+1,) and (N+1, n), got {self.grid.shape} and {shape}")
         self.Q, self.R, self.S = (_read_only(value) for value in (Q, R, S))
         for name in ("Q", "R", "S"):
             if getattr(self, name).shape != shape:
-                raise InfeasibleError(f"{name} must have shape {shape} like M, got {getattr(self, name).shape}")
+                raise InputError(f"{name} must have shape {shape} like M, got {getattr(self, name).shape}")
         limits = []
         for name, value in (("torque_min", torque_min), ("torque_max", torque_max)):
             try:
                 limits.append(_read_only(np.broadcast_to(np.asarray(value, dtype=np.float64), shape)))
             except ValueError:
-                raise InfeasibleError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
+                raise InputError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
         self.torque_min, self.torque_max = limits
         self.speed_max = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max)
         if self.speed_max.shape != shape[:1]:
-            raise InfeasibleError(f"speed_max must have shape {shape[:1]}, got {self.speed_max.shape}")
+            raise InputError(f"speed_max must have shape {shape[:1]}, got {self.speed_max.shape}")
         for name in ("grid", "M", "Q", "R", "S"):
             if not np.isfinite(getattr(self, name)).all():
                 k = int(np.argwhere(~np.isfinite(getattr(self, name)))[0][0])
-                raise InfeasibleError(f"{name} is not finite at row {k}", row=k)
+                raise InputError(f"{name} is not finite at row {k}", row=k)
         if np.isnan(self.torque_min).any() or np.isnan(self.torque_max).any() or np.isnan(self.speed_max).any():
-            raise InfeasibleError("torque_min, torque_max and speed_max must not hold NaN")
+            raise InputError("torque_min, torque_max and speed_max must not hold NaN")
         if (self.speed_max < 0.0).any():
-            raise InfeasibleError("speed_max must not be negative")
+            raise InputError("speed_max must not be negative")
         if (np.diff(self.grid) < 0.0).any() or self.grid[0] == self.grid[1] or self.grid[-1] == self.grid[-2]:
-            raise InfeasibleError("grid must rise, and may stay at one station for two rows only between its ends")
+            raise InputError("grid must rise, and may stay at one station for two rows only between its ends")
         if (self.torque_min > self.torque_max).any():
             k, joint = np.argwhere(self.torque_min > self.torque_max)[0]
-            raise InfeasibleError(
-                f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint)
-            )
+            raise InputError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
         self.arm: Arm | None = None
         self.path: JointPath | None = None
 
@@ -122,6 +120,10 @@ class PathDynamics:
             intervals: Number of grid intervals N (breakpoints add to it).
             torque_reserve: Share of every torque limit that the plan leaves unused, in [0, 1).
         """
+        if intervals < 1 or not 0.0 <= torque_reserve < 1.0:
+            raise InputError(
+                f"intervals must be at least 1 and torque_reserve in [0, 1), got {intervals} and {torque_reserve}"
+            )
         uniform = np.linspace(0.0, path.length, intervals + 1)
         gap = np.abs(uniform[:, None] - path.breakpoints).min(axis=1)
         uniform = uniform[gap > 0.01 * path.length / intervals]  # no slivers beside breakpoints

@@ -14,7 +14,7 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import ActionError, InfeasibleError
+from armtempo.errors import ActionError, InfeasibleError, InputError
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_kernels import (
     Edges,
@@ -56,7 +56,7 @@ class PhasePlane:
                 remedy="set the damping of the joints to 0 in the URDF and leave a torque_reserve for it",
             )
         if not (np.isfinite(mu_end) and mu_end >= 0.0):
-            raise InfeasibleError(f"mu_end must be finite and not negative, got {mu_end}")
+            raise InputError(f"mu_end must be finite and not negative, got {mu_end}")
         self.dynamics = dynamics
         self.mu_end = float(mu_end)
         count = len(dynamics.grid)

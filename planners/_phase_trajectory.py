@@ -43,7 +43,7 @@ class MotionCertificate:
         return max(self.torque_ratio_max - 1.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PhaseTrajectory:
     """A motion along a path: rows ``(time, lam, mu)``, ``mu_dot`` constant in between (``mu^2`` is linear in ``lam``).
 
@@ -153,8 +153,11 @@ class PhaseTrajectory:
         low, high = (
             (1.0 - share) * rows[row] + share * rows[row + 1] for rows in (dynamics.torque_min, dynamics.torque_max)
         )
-        half, middle = 0.5 * (high - low), 0.5 * (high + low)
-        ratio = np.abs(torque - middle) / np.maximum(half, 1e-300)
+        both = np.isfinite(low) & np.isfinite(high)
+        middle = 0.5 * np.add(low, high, out=np.zeros_like(low), where=both)  # a missing limit is no limit
+        half = np.subtract(high, middle, out=np.full_like(low, np.inf), where=np.isfinite(high))
+        below = np.subtract(middle, low, out=np.full_like(low, np.inf), where=np.isfinite(low))
+        ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
         worst = np.unravel_index(int(ratio.argmax()), ratio.shape)
         cap = np.maximum(dynamics.speed_max[row], dynamics.speed_max[row + 1])
         return MotionCertificate(

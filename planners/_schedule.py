@@ -57,7 +57,7 @@ class ScheduleCertificate:
     end_error: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Schedule:
     """One motion per arm, on a common clock.
 
@@ -179,8 +179,12 @@ def _delayed(cell: Cell, motions: tuple[PhaseTrajectory, ...], order: tuple[int,
 
 
 def _sequential(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    try:
+        _delayed(cell, cell.fastest, order)  # the second must be able to wait for all of the first
+    except InfeasibleError:
+        _delayed(cell, cell.fastest, order[::-1])
+        order = order[::-1]
     first, second = order
-    _delayed(cell, cell.fastest, order)  # the second must be able to wait for all of the first
     motions = list(cell.fastest)
     motions[second] = motions[second].delayed(motions[first].duration)
     return Schedule(method="sequential", cell=cell, trajectories=tuple(motions), order=order)

@@ -23,7 +23,7 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._phase_kernels import Edges, Rows, advance
 from armtempo.planners._phase_plane import Mode, PhasePlane
@@ -189,7 +189,7 @@ class VciPlan(NamedTuple):
     history: Array  # (corrections, 4): step of the collision, first step of the VCI, adjusted step, its command
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 @final
 class VelocityControl:
     """Velocity control intervals of a slave behind a master.
@@ -212,7 +212,7 @@ class VelocityControl:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.period) and self.period > 0.0):
-            raise InfeasibleError(f"the control period must be positive, got {self.period}")
+            raise InputError(f"the control period must be positive, got {self.period}")
         if self.checks < 1:
             object.__setattr__(self, "checks", math.ceil(self.period / FINEST_CHECK - 1e-9))
 

@@ -15,6 +15,7 @@ __all__ = [
     "CollisionError",
     "ConfigError",
     "InfeasibleError",
+    "InputError",
     "PathError",
     "RenderError",
     "RobotError",
@@ -58,6 +59,10 @@ class PathError(ArmtempoError, ValueError):
 
 class InfeasibleError(ArmtempoError, ValueError):
     """No timing keeps the limits. ``data``: ``station``, ``joint``, ``reason``, or the methods tried."""
+
+
+class InputError(ArmtempoError, ValueError):
+    """An argument of the Python interface cannot be used: wrong shape, not finite, out of range."""
 
 
 class CollisionError(ArmtempoError, ValueError):

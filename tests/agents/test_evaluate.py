@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import POLICIES, Evaluation, evaluate
-from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import METHODS, Cell
 
 KEYS = {
@@ -122,5 +122,5 @@ def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) ->
 def test_errors(lee1991: Cell) -> None:
     with pytest.raises(UnknownNameError, match=r"policy 'optmal'.*did you mean 'optimal'"):
         evaluate(lee1991, ("optmal",))
-    with pytest.raises(ConfigError, match="episodes must be at least 1"):
+    with pytest.raises(InputError, match="episodes must be at least 1"):
         evaluate(lee1991, ("delay",), episodes=0)

@@ -189,9 +189,9 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     "zero tick": (
         top({"physics_tick_s": 0}),
         "physics_tick_s",
-        "must be greater than 0, got 0 (Step of the simulation",
+        "must be greater than or equal to 0.00001, got 0 (Step of the simulation",
     ),
-    "all torque reserved": (top({"torque_reserve": 1}), "torque_reserve", "must be less than 1, got 1 ("),
+    "all torque reserved": (top({"torque_reserve": 1}), "torque_reserve", "must be less than or equal to 0.9, got 1 ("),
     "period": (
         top({"control_period_s": 0.0045}),
         "control_period_s",

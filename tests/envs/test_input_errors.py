@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.errors import ActionError, ArmtempoError, ConfigError, InfeasibleError, RenderError, UnknownNameError
+from armtempo.errors import ActionError, ArmtempoError, InfeasibleError, InputError, RenderError, UnknownNameError
 from armtempo.planners import Cell
 
 NAN = np.array([np.nan], dtype=np.float32)
@@ -87,10 +87,10 @@ def test_step_before_reset_and_after_the_end(lee1991: Cell, make: Callable[..., 
         ({"mode": "velocity"}, UnknownNameError, ("mode 'velocity'", "acceleration, speed")),
         ({"render_mode": "ansi"}, RenderError, ("render_mode 'ansi'", "rgb_array")),
         ({"cell": "lee1919"}, UnknownNameError, ("'lee1919'", "did you mean 'lee1991'")),
-        ({"master_late_s": -0.1}, ConfigError, ("master_late_s", "-0.1", "0 or more")),
-        ({"master_late_s": np.nan}, ConfigError, ("master_late_s",)),
-        ({"max_episode_s": 0.0}, ConfigError, ("max_episode_s", "positive")),
-        ({"max_episode_s": np.nan}, ConfigError, ("max_episode_s", "positive")),
+        ({"master_late_s": -0.1}, InputError, ("master_late_s", "-0.1", "0 or more")),
+        ({"master_late_s": np.nan}, InputError, ("master_late_s",)),
+        ({"max_episode_s": 0.0}, InputError, ("max_episode_s", "positive")),
+        ({"max_episode_s": np.nan}, InputError, ("max_episode_s", "positive")),
     ],
 )
 def test_a_wrong_argument(
@@ -109,7 +109,7 @@ def test_an_unknown_learner_and_a_backward_range(lee1991: Cell) -> None:
     with pytest.raises(UnknownNameError) as unknown:
         YieldingEnv(lee1991, learner="slav", physics="ideal")
     _says(unknown, "arm 'slav'", "did you mean 'slave'")
-    with pytest.raises(ConfigError) as backward:
+    with pytest.raises(InputError) as backward:
         YieldingEnv(lee1991, master_late_s=(0.2, 0.1), physics="ideal")
     _says(backward, "master_late_s", "(0.2, 0.1)")
 
@@ -118,7 +118,7 @@ def test_an_unknown_learner_and_a_backward_range(lee1991: Cell) -> None:
 @pytest.mark.parametrize("late", [-1.0, np.nan, np.inf])
 def test_a_wrong_lateness_at_reset(lee1991: Cell, make: Callable[..., Any], late: float) -> None:
     env = make(lee1991, physics="ideal")
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(InputError) as error:
         env.reset(options={"master_late_s": late})
     _says(error, "master_late_s")
     env.close()
@@ -127,7 +127,7 @@ def test_a_wrong_lateness_at_reset(lee1991: Cell, make: Callable[..., Any], late
 def test_a_trace_that_was_not_recorded(lee1991: Cell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(InputError) as error:
         _ = env.trace
     _says(error, "record=True")
     env.close()

@@ -240,3 +240,30 @@ def test_unknown_cells_and_typos_are_named(write_cell: Cells) -> None:
         load_cell("lee1990")
     with pytest.raises(ConfigError, match=r"cell\.yaml.*d_min"):
         load_cell(write_cell(lambda data: data.update(d_min=data.pop("d_min_m"))))
+
+
+def test_a_path_near_a_folded_arm_is_planned_on_a_finer_grid(write_cell: Cells) -> None:
+    """The dynamics change so fast there that on the file's grid full speed in ticks exceeds a limit by half."""
+
+    def fold(data: dict[str, Any]) -> None:
+        data["arms"] = data["arms"][:1]
+        line(data, [0.1401, 0, 0], [0.4, 0.2, 0])
+
+    cell = load_cell(write_cell(fold))
+    assert len(cell.planes[0].rows.station) > 10 * cell.config.stations
+    stepped = cell.planes[0].motion(np.ones(1000), np.full(1000, cell.physics_tick))
+    assert stepped.certificate.torque_excess <= 1e-3
+    assert cell.lower_bound <= stepped.duration <= 1.01 * cell.lower_bound
+
+
+def test_the_bound_does_not_hang_on_the_cells_own_grid(write_cell: Cells) -> None:
+    coarse = load_cell(write_cell(lambda data: data.update(stations=50)))
+    fine = load_cell("lee1991")
+    for method in METHODS:
+        assert coarse.lower_bound <= schedule(fine, method).makespan
+        assert schedule(coarse, method).certificate.torque_ratio_max <= 1 + 1e-3
+
+
+def test_a_two_link_arm_needs_its_elbow(write_cell: Cells) -> None:
+    with pytest.raises(PathError, match=r"arms\[0\].path.*elbow is missing.*positive or negative"):
+        load_cell(write_cell(lambda data: data["arms"][0].pop("elbow")))

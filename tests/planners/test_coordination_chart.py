@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from armtempo.errors import CollisionError
+from armtempo.errors import InputError
 from armtempo.planners import Arc, CartesianPath, Cell, CoordinationChart, JointPath, PathDynamics, TwoLinkPath
 from armtempo.robots import Arm, Clearance, Tool
 
@@ -185,11 +185,11 @@ def test_far_arms_never_meet(make_arm: Callable[..., Arm], lee1991: Cell) -> Non
 def test_wrong_questions_are_refused(lee1991: Cell) -> None:
     chart = lee1991.chart
     for wrong in (-0.1, 0.5, math.nan, (0.2, 0.1)):
-        with pytest.raises(CollisionError, match="is outside the path"):
+        with pytest.raises(InputError, match="is outside the path"):
             chart.is_free(wrong, 0.1)
     arms, paths = lee1991.arms, lee1991.paths
     for d_min, tolerance in ((-0.1, 0.01), (math.nan, 0.01), (0.01, 0.0), (0.01, math.inf)):
-        with pytest.raises(CollisionError, match="d_min must be >= 0 and tolerance > 0"):
+        with pytest.raises(InputError, match="d_min must be >= 0 and tolerance > 0"):
             CoordinationChart.build(arms[0], paths[0], arms[1], paths[1], d_min, tolerance)
     with pytest.raises(ValueError, match="read-only"):
         chart.states[0, 0] = 1

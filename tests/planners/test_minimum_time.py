@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, PhasePlane, TwoLinkPath, minimum_time
 from armtempo.robots import Arm
 
@@ -247,9 +247,9 @@ def bare(**changes: Any) -> PathDynamics:
 def test_what_cannot_be_planned_is_refused() -> None:
     with pytest.raises(InfeasibleError, match=r"viscous friction.*damping"):
         minimum_time(bare(R=np.full((11, 1), 0.1)))
-    with pytest.raises(InfeasibleError, match=r"mu_end must be finite"):
+    with pytest.raises(InputError, match=r"mu_end must be finite"):
         minimum_time(bare(), 0.0, math.nan)
-    with pytest.raises(InfeasibleError, match=r"mu_end must be finite"):
+    with pytest.raises(InputError, match=r"mu_end must be finite"):
         minimum_time(bare(), 0.0, -1.0)
     for wrong in (math.nan, -0.5, 9.0):
         with pytest.raises(InfeasibleError, match=r"mu_start = .* is outside \[0, 1.41421\]"):

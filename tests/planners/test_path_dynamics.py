@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InputError
 from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, TwoLinkPath
 from armtempo.robots import Arm
 
@@ -140,7 +140,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_wrong_rows_are_refused_by_name(case: str) -> None:
     changes, message = REFUSED[case]
-    with pytest.raises(InfeasibleError, match=message):
+    with pytest.raises(InputError, match=message):
         rows(**changes)
 
 
