@@ -24,6 +24,7 @@ _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
 _BISECTIONS = 30
 _CATCH_UP = 0.5  # of a period: a larger lag of the first arm stops its clock
+_FINEST_CHECK = 0.001  # [s] a collision point is asked at least about this often
 _AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 
 
@@ -67,7 +68,7 @@ def _control(cell: Cell, order: tuple[int, ...], mode: Mode) -> VelocityControl:
         chart=cell.chart if order == (0, 1) else cell.chart.swapped,
         period=cell.control_period,
         mode=mode,
-        checks=cell.ticks_per_period,  # the steps in which the environment moves
+        checks=cell.ticks_per_period * max(round(cell.physics_tick / _FINEST_CHECK), 1),  # whole parts of its ticks
     )
 
 
