@@ -48,6 +48,11 @@ class Cell:
     def __deepcopy__(self, memo: dict[int, object]) -> Cell:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
 
+    def __reduce__(self) -> tuple[object, tuple[CellConfig]]:
+        from armtempo.planners._build_cell import build_cell
+
+        return build_cell, (self.config,)  # FCL's objects do not travel: another process builds the cell again
+
     @property
     def d_min(self) -> float:
         """Smallest allowed distance between two arms, and to obstacles [m]."""

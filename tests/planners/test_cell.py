@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -267,3 +268,10 @@ def test_the_bound_does_not_hang_on_the_cells_own_grid(write_cell: Cells) -> Non
 def test_a_two_link_arm_needs_its_elbow(write_cell: Cells) -> None:
     with pytest.raises(PathError, match=r"arms\[0\].path.*elbow is missing.*positive or negative"):
         load_cell(write_cell(lambda data: data["arms"][0].pop("elbow")))
+
+
+def test_a_cell_travels_to_other_processes(lee1991: Cell) -> None:
+    copy: Cell = pickle.loads(pickle.dumps(lee1991))
+    assert copy.config == lee1991.config
+    assert copy.config.source == lee1991.config.source
+    np.testing.assert_array_equal(copy.fastest[1].mu, lee1991.fastest[1].mu)
