@@ -192,6 +192,44 @@ def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float
 
 
 @njit
+def _next_piece(
+    rows: Rows, edges: Edges, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
+) -> tuple[float, float]:
+    """Length and ``u`` of the next piece in interval i, ``left`` before its end; no length: the arm stays at rest."""
+    width = rows.station[i + 1] - rows.station[i]
+    w = 1.0 - left / width
+    u_low, u_high = _bounds_at(rows, i, w, x, 0.0)
+    goal_share = command * command if by_speed else 1.0
+    step = min(left, np.sqrt(x) * rest + 0.5 * max(u_high, 0.0) * rest * rest)
+    if step <= 0.0:
+        return 0.0, 0.0
+    here = edges.high[i] + w * (edges.high_next[i] - edges.high[i])
+    if i == rows.station.shape[0] - 2 and step == left:
+        if x < 0.25 * goal_share * here:
+            step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
+        elif by_speed and x > goal_share * here > 0.0:
+            # too fast for the command: brake until the target is met, which also runs down to the end
+            meet = (x - goal_share * here) / (-2.0 * u_low - goal_share * here / left)
+            if 0.0 < meet < left:
+                step = meet
+    w_next = 1.0 if step == left else w + step / width
+    x_edge = edges.high[i] + w_next * (edges.high_next[i] - edges.high[i])
+    x_floor = edges.low[i] + w_next * (edges.low_next[i] - edges.low[i])
+    d2 = 2.0 * step
+    end_low, end_high = _bounds_at(rows, i, w_next, x, d2)
+    u_low, u_high = max(u_low, end_low), min(u_high, end_high)
+    if x_floor > 0.0:  # the arm cannot hold still here: it must stay fast enough
+        u_low = max(u_low, (x_floor - x) / d2)
+    u_high = min(u_high, (x_edge - x) / d2)
+    u_low = min(u_low, u_high)
+    if not by_speed:
+        return step, u_low + command * (u_high - u_low)
+    if command == 0.0:
+        return step, u_low
+    return step, min(max((goal_share * x_edge - x) / d2, u_low), u_high)
+
+
+@njit
 def advance(
     rows: Rows,
     edges: Edges,
@@ -228,40 +266,12 @@ def advance(
         if rest <= 1e-9 * dt:  # rounding
             used = dt
             break
-        width = station[i + 1] - station[i]
-        w = 1.0 - left / width
-        u_low, u_high = _bounds_at(rows, i, w, x, 0.0)
         mu = np.sqrt(x)
-        goal_share = command * command if by_speed else 1.0
-        step = min(left, mu * rest + 0.5 * max(u_high, 0.0) * rest * rest)
+        step, u = _next_piece(rows, edges, i, left, x, rest, command, by_speed)
         if step <= 0.0:
             used = dt
             break
-        here = edges.high[i] + w * (edges.high_next[i] - edges.high[i])
-        if i == last - 1 and step == left and x < 0.25 * goal_share * here:
-            step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
-        elif i == last - 1 and step == left and by_speed and x > goal_share * here:
-            # too fast for the command: brake until the target is met, which also runs down to the end
-            meet = (x - goal_share * here) / (-2.0 * u_low - goal_share * here / left)
-            if 0.0 < meet < left and goal_share > 0.0:
-                step = meet
-        w_next = 1.0 if step == left else w + step / width
-        x_edge = edges.high[i] + w_next * (edges.high_next[i] - edges.high[i])
-        x_floor = edges.low[i] + w_next * (edges.low_next[i] - edges.low[i])
-        d2 = 2.0 * step
-        end_low, end_high = _bounds_at(rows, i, w_next, x, d2)
-        u_low, u_high = max(u_low, end_low), min(u_high, end_high)
-        if x_floor > 0.0:  # the arm cannot hold still here: it must stay fast enough
-            u_low = max(u_low, (x_floor - x) / d2)
-        u_high = min(u_high, (x_edge - x) / d2)
-        u_low = min(u_low, u_high)
-        if not by_speed:
-            u = u_low + command * (u_high - u_low)
-        elif command == 0.0:
-            u = u_low
-        else:
-            u = min(max((goal_share * x_edge - x) / d2, u_low), u_high)
-        x_next = x + d2 * u
+        x_next = x + 2.0 * step * u
         if x_next <= 1e-18:
             if x <= 1e-18:
                 if left <= 1e-9 * station[last] and i == last - 1:
