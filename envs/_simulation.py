@@ -131,7 +131,7 @@ class Simulation:
         self._q, self._qd = self._measured
         self._torque, self._demand = np.zeros((arms, width)), np.zeros((arms, width))
         self._reference = np.zeros((3, arms, width))
-        self._block = np.empty((cell.ticks_per_period, 2 * arms + 1))  # one period of an ideal run
+        self._block = np.empty((cell.ticks_per_period, 2 * arms + 1))  # a row per tick of a period, for ideal runs
         self._observation = np.zeros((arms, SIZE), dtype=np.float32)
         self._tips, self._tips_before, self._error = np.zeros((arms, 3)), np.zeros((arms, 3)), np.zeros(arms)
         self._scene: Scene | None = None
@@ -190,7 +190,7 @@ class Simulation:
         if self.physics == "ideal":
             self._step_ideal(commands)
         else:
-            for _ in range(self.cell.ticks_per_period):
+            for _ in range(len(self._block)):
                 self._tick_bullet(commands)
                 if self.violated:
                     break
@@ -287,7 +287,7 @@ class Simulation:
             q = tuple(path.evaluate(lam[:, i])[0] for i, path in enumerate(self.cell.paths))
             torque = demand = tuple(self._ideal_torque(i, lam[:, i], mu[:, i]) for i in range(self.arms))
         return EpisodeTrace(
-            time=np.asarray(np.arange(len(lam)) * self.cell.physics_tick, dtype=np.float64),
+            time=np.asarray(np.arange(len(lam)) * self._tick, dtype=np.float64),
             lam=lam,
             mu=mu,
             q=q,
@@ -302,7 +302,7 @@ class Simulation:
 
     def _ideal_torque(self, i: int, lam: Array, mu: Array) -> Array:
         """Mean torque over each tick, from the dynamics in its middle."""
-        tick = self.cell.physics_tick
+        tick = self._tick
         arrived = np.diff(lam) <= 0.0
         mu_dot = np.where(arrived, 0.0, np.diff(mu) / tick)
         torque = self.cell.dynamics[i].torque(0.5 * (lam[:-1] + lam[1:]), 0.5 * (mu[:-1] + mu[1:]), mu_dot)

@@ -90,12 +90,13 @@ class PhasePlane:
             )
             remedy = "raise limits.torque_nm, lower torque_reserve, or move the path"
         else:
-            width = np.abs(dynamics.M[row])
-            joint = int(width.argmin())
+            a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                joint = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
             name = repr(arm.joint_names[joint]) if arm is not None and joint < arm.dof else str(joint)
             reason = (
                 f"no speed at station {station:.4g}{of_arm} lets the path be finished inside the limits "
-                f"(joint {name} has the least hold on it)"
+                f"(joint {name} limits the acceleration from rest most)"
             )
             remedy = "raise the torque or speed limits there, or smooth the path"
         return InfeasibleError(reason, remedy=remedy, station=station, joint=joint, row=row)

@@ -109,6 +109,9 @@ def test_close_twice(lee1991: Cell, physics: Physics) -> None:
     for env in (YieldingEnv(lee1991, physics=physics), CoordinationEnv(lee1991, physics=physics)):
         env.close()
         env.close()
+        scene = env.simulation._scene
+        assert (scene is None) == (physics == "ideal")
+        assert scene is None or scene.client < 0
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
@@ -129,5 +132,6 @@ def test_agents_types_and_keys(lee1991: Cell, physics: Physics) -> None:
 
 def test_unknown_reset_options_are_ignored(lee1991: Cell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
-    env.reset(options={"options": 1})
+    observations, _ = env.reset(options={"options": 1})
+    assert list(observations) == env.agents == ["arm_0", "arm_1"]
     env.close()
