@@ -288,9 +288,9 @@ class VelocityControl:
     def guarded(self, command: float, lam: float, mu: float, master_lam: float, master_mu: float) -> float:
         """The command in [0, 1], cut back until the slave could still brake behind a master that brakes too.
 
-        ``lam``, ``mu``: the slave's state; ``master_lam``, ``master_mu``: the master's. Maximum braking after one period
-        must stay behind a master that brakes as hard as it can from now on. Every master is at least as far as that
-        one, so a master that is late, slow or stops costs time, never a collision.
+        ``lam``, ``mu``: the slave's state; ``master_lam``, ``master_mu``: the master's. Maximum braking after one
+        period must stay behind a master that brakes as hard as it can from now on. Every master is at least as far as
+        that one, so a master that is late, slow or stops costs time, never a collision.
         """
         stopping = self.master.braking(master_lam, master_mu)
         longest = self.period + self.slave.braking(lam, mu).duration + self._alone
