@@ -1,9 +1,13 @@
 r"""Compiled loops of the phase plane. State ``(lambda, x)`` with ``x = mu^2``, constant ``u = mu_dot`` per interval.
 
-Between two stations at distance D the motion is exact: ``x_end = x + 2 D u``. Torque limits are linear rows
-``low <= a u + b x <= high`` (``a = M, b = Q``, ``S`` folded into the limits), asked for at *both* ends of every
-interval: that also bounds the speed at zero-inertia points (``a = 0``), where the rows at one end alone say nothing
-of ``u``.
+Between two stations at distance D the motion is exact: ``x_next = x + 2 D u``. Limits are rows
+``low <= a u + b x + r sqrt(x) <= high`` (``a = M, b = Q, r = R``, ``S`` folded into the limits), asked for at *both*
+ends of every interval: that also bounds the speed at zero-inertia points (``a = 0``), where the rows at one end alone
+say nothing of ``u``.
+
+Viscous friction (``r``) makes the rows non-convex: the speeds from which the end can be met are then a *union* of
+intervals, at most ``MOST`` of which are kept. The pointwise largest admissible profile is still the optimum, because
+two profiles can only swap where they cross.
 """
 
 from __future__ import annotations
@@ -16,7 +20,11 @@ from numpy.typing import NDArray
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 ROW_SLACK = 1e-10  # rounding allowed when rows are divided by a small inertia, relative to the width of the limits
+MOST = 4  # intervals of a controllable set; dropping further ones only forbids
+BANDS = 8  # taken out of one candidate set
+RETREATS = 60
 
 
 class Rows(NamedTuple):
@@ -25,13 +33,14 @@ class Rows(NamedTuple):
     station: Array
     a: Array
     b: Array
+    r: Array
     low: Array
     high: Array
     x_cap: Array
 
 
 class Edges(NamedTuple):
-    """The controllable set: per station the lowest and highest ``x`` from which the end can be met (N+1,).
+    """One interval of the controllable set per station: the lowest and highest ``x`` (N+1,).
 
     ``*_next`` (N,): where the motion along the edge from station i arrives at station i + 1. Inside an interval the
     edge is the straight line between the two: a motion, so every point of it can be continued.
@@ -44,105 +53,418 @@ class Edges(NamedTuple):
 
 
 @njit
-def _pair(a: float, b: float, low: float, high: float) -> tuple[float, float, float, float]:
-    """The same row with ``a >= 0``."""
-    if a < 0.0:
-        return -a, -b, -high, -low
-    return a, b, low, high
-
-
-@njit
 def _stage_rows(rows: Rows, i: int, next_low: float, next_high: float, out: Array) -> int:
-    """Collect the rows (a, b, low, high) on ``(u, x)`` of the interval from station i; returns their number."""
-    n = rows.a.shape[1]
-    d2 = 2.0 * (rows.station[i + 1] - rows.station[i])
+    """Collect the rows (a, b, r, low, high) on ``(u, x)``, ``a >= 0``, of the interval from station i.
+
+    Friction at the far end acts on the speed there, ``sqrt(x + 2 D u)``, which is only known to be in the next set: its
+    rows are widened by that. Returns the number of rows.
+    """
+    n, k = rows.a.shape[1], i + 1
+    d2 = 2.0 * (rows.station[k] - rows.station[i])
+    slow, fast = np.sqrt(next_low), np.sqrt(next_high)
     for j in range(n):
-        out[j, 0], out[j, 1], out[j, 2], out[j, 3] = _pair(rows.a[i, j], rows.b[i, j], rows.low[i, j], rows.high[i, j])
-        k = i + 1
-        out[n + j, 0], out[n + j, 1], out[n + j, 2], out[n + j, 3] = _pair(
-            rows.a[k, j] + d2 * rows.b[k, j], rows.b[k, j], rows.low[k, j], rows.high[k, j]
-        )
-    out[2 * n, 0], out[2 * n, 1], out[2 * n, 2], out[2 * n, 3] = d2, 1.0, next_low, next_high
+        drag = rows.r[k, j]
+        most, least = max(drag * slow, drag * fast), min(drag * slow, drag * fast)
+        for m in range(2):
+            o = out[m * n + j]
+            if m == 0:
+                o[0], o[1], o[2], o[3], o[4] = rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j]
+            else:
+                o[0], o[1], o[2] = rows.a[k, j] + d2 * rows.b[k, j], rows.b[k, j], 0.0
+                o[3], o[4] = rows.low[k, j] - most, rows.high[k, j] - least
+            if o[0] < 0.0:
+                o[0], o[1], o[2], o[3], o[4] = -o[0], -o[1], -o[2], -o[4], -o[3]
+    o = out[2 * n]
+    o[0], o[1], o[2], o[3], o[4] = d2, 1.0, 0.0, next_low, next_high
     return int(2 * n + 1)
 
 
 @njit
-def _accelerations(stage: Array, count: int, x: float) -> tuple[float, float]:
-    """The interval of ``u`` that all rows allow at ``x``."""
-    lowest, highest = -np.inf, np.inf
-    for k in range(count):
-        a = stage[k, 0]
-        slack = ROW_SLACK * (stage[k, 3] - stage[k, 2])
-        if a > 1e-14:
-            lowest = max(lowest, (stage[k, 2] - slack - stage[k, 1] * x) / a)
-            highest = min(highest, (stage[k, 3] + slack - stage[k, 1] * x) / a)
-    return lowest, highest
+def _eliminate(stage: Array, count: int, x_cap: float, bands: Array, out: Array) -> int:
+    """The intervals (K, 2) of ``x`` in [0, x_cap] for which some ``u`` meets all rows; returns their number.
+
+    Every pair of rows gives ``A x + B sqrt(x) <= C`` (topp 5.2); no division by an inertia, so zero-inertia rows need
+    no special case. ``A < 0 < B`` can take a band out of the middle.
+    """
+    low, high = 0.0, x_cap
+    slow, fast = 0.0, np.sqrt(x_cap)
+    taken = 0
+    for p in range(count):
+        for q in range(count):
+            if p == q:
+                continue
+            A = stage[q, 1] * stage[p, 0] - stage[p, 1] * stage[q, 0]
+            B = stage[q, 2] * stage[p, 0] - stage[p, 2] * stage[q, 0]
+            C = stage[q, 4] * stage[p, 0] - stage[p, 3] * stage[q, 0]
+            if (A >= 0.0 or B <= 0.0) and A * high + B * fast <= C and A * low + B * slow <= C:
+                continue  # met all over the interval
+            if abs(A) <= 1e-13 * (abs(stage[q, 1] * stage[p, 0]) + abs(stage[p, 1] * stage[q, 0])):
+                A = 0.0
+            if A == 0.0 and B == 0.0:
+                if C < -1e-9 * (abs(stage[q, 4] * stage[p, 0]) + abs(stage[p, 3] * stage[q, 0])):
+                    return 0
+            elif B == 0.0:
+                if A > 0.0:
+                    high = min(high, C / A)
+                else:
+                    low = max(low, C / A)
+            elif A == 0.0:
+                if B > 0.0:
+                    high = min(high, (C / B) ** 2 if C > -1e-12 * B else -1.0)
+                elif C < 0.0:
+                    low = max(low, (C / B) ** 2)
+            else:
+                root = B * B + 4.0 * A * C
+                if root < 0.0:
+                    if A > 0.0:
+                        return 0
+                    continue
+                half = -0.5 * (B + (np.sqrt(root) if B > 0.0 else -np.sqrt(root)))
+                one, two = half / A, -C / half if half != 0.0 else 0.0
+                near, far = min(one, two), max(one, two)
+                if A > 0.0:  # between the roots
+                    high = min(high, far * far if far > 0.0 else -far * far)
+                    if near > 0.0:
+                        low = max(low, near * near)
+                elif far > 0.0:  # outside them
+                    if near <= 0.0 or taken == bands.shape[0]:  # no room for one more: leave out what is below
+                        low = max(low, far * far)
+                    else:
+                        bands[taken, 0], bands[taken, 1] = near * near, far * far
+                        taken += 1
+            slow, fast = np.sqrt(max(low, 0.0)), np.sqrt(max(high, 0.0))
+    if low > high:
+        if low > high + 1e-12 * (1.0 + high):
+            return 0
+        low = high
+    if high < 0.0:
+        return 0
+    out[0, 0], out[0, 1] = low, high
+    found = 1
+    for k in range(taken):
+        for m in range(found):
+            if bands[k, 0] < out[m, 1] and bands[k, 1] > out[m, 0]:
+                below, above = bands[k, 0] > out[m, 0], bands[k, 1] < out[m, 1]
+                if below and above and found < MOST:
+                    out[found, 0], out[found, 1] = bands[k, 1], out[m, 1]
+                    out[m, 1] = bands[k, 0]
+                    found += 1
+                elif below and not above:
+                    out[m, 1] = bands[k, 0]
+                elif below:
+                    out[m, 0] = bands[k, 1]
+                elif above:
+                    out[m, 0] = bands[k, 1]
+                else:
+                    out[m, 0], out[m, 1] = 1.0, 0.0
+    kept = 0
+    for m in range(found):
+        if out[m, 0] <= out[m, 1]:
+            out[kept, 0], out[kept, 1] = out[m, 0], out[m, 1]
+            kept += 1
+    return kept
 
 
 @njit
-def controllable_sets(rows: Rows, x_end: float, low: Array, high: Array, low_next: Array, high_next: Array) -> int:
-    """Fill the controllable set backwards from ``x_end``; returns -1, or the station whose set is empty.
+def _end_row(
+    a: float, b: float, r: float, low: float, high: float, d2: float, x: float
+) -> tuple[float, float, float, float]:
+    """A row at the end of a piece of length ``d2 / 2`` as the interval of ``y = x + d2 u`` it allows.
 
-    Eliminates ``u`` from every pair of rows: ``x (b_q a_p - b_p a_q) <= high_q a_p - low_p a_q``; no division by an
-    inertia, so zero-inertia rows need no special case.
+    With ``v = sqrt(y)`` the row is ``P v^2 + d2 r v`` within two bounds. The last two numbers are a band that it takes
+    out of the interval (empty: 0, 0); an empty interval is returned with its ends crossed.
     """
-    n = rows.a.shape[1]
-    last = rows.station.shape[0] - 1
-    stage = np.empty((2 * n + 1, 4))
-    low[last] = high[last] = x_end
+    P, R = a + d2 * b, d2 * r
+    L, H = d2 * low + a * x, d2 * high + a * x
+    if P < 0.0:
+        P, R, L, H = -P, -R, -H, -L
+    if R == 0.0:
+        if P <= 1e-14 * abs(a):
+            return (-np.inf, np.inf, 0.0, 0.0) if L <= 0.0 <= H else (np.inf, -np.inf, 0.0, 0.0)
+        return L / P, H / P, 0.0, 0.0
+    first, last, band_low, band_high = 0.0, np.inf, 0.0, 0.0
+    root = R * R + 4.0 * P * H
+    if root < 0.0:
+        last = root / (4.0 * P * P)
+    else:
+        half = -0.5 * (R + (np.sqrt(root) if R > 0.0 else -np.sqrt(root)))
+        if R > 0.0:
+            far = -H / half
+            last = far * far if far > 0.0 else -far * far
+        else:
+            far = half / P if P > 0.0 else np.inf
+            near = -H / half if half > 0.0 else 0.0
+            last = far * far
+            if near > 0.0:
+                first = near * near
+    root = R * R + 4.0 * P * L
+    if root > 0.0:
+        half = -0.5 * (R + (np.sqrt(root) if R > 0.0 else -np.sqrt(root)))
+        if R > 0.0:
+            far = -L / half
+            if far > 0.0:
+                first = max(first, far * far)
+        else:
+            far = half / P if P > 0.0 else np.inf
+            near = -L / half if half > 0.0 else 0.0
+            if near > 0.0:
+                band_low, band_high = near * near, far * far
+            elif far > 0.0:
+                first = max(first, far * far)
+    return first, last, band_low, band_high
+
+
+@njit
+def _reach(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) -> tuple[float, float, int]:
+    """The part of [low, high] that the interval from station i can end in, if it begins with ``x``; exact.
+
+    Less the bands (B, 2) of which the number is returned. Empty: the first number is larger than the second.
+    """
+    k = i + 1
+    d2 = 2.0 * (rows.station[k] - rows.station[i])
+    mu, taken = np.sqrt(x), 0
+    for j in range(rows.a.shape[1]):
+        a, used = rows.a[i, j], rows.b[i, j] * x + rows.r[i, j] * mu
+        slack = ROW_SLACK * (rows.high[i, j] - rows.low[i, j])
+        least, most = rows.low[i, j] - slack - used, rows.high[i, j] + slack - used
+        if a < 0.0:
+            a, least, most = -a, -most, -least
+        if a > 1e-14:
+            low, high = max(low, x + d2 * least / a), min(high, x + d2 * most / a)
+        slack = ROW_SLACK * (rows.high[k, j] - rows.low[k, j])
+        first, last, band_low, band_high = _end_row(
+            rows.a[k, j], rows.b[k, j], rows.r[k, j], rows.low[k, j] - slack, rows.high[k, j] + slack, d2, x
+        )
+        low, high = max(low, first), min(high, last)
+        if band_high > band_low and taken < bands.shape[0]:
+            bands[taken, 0], bands[taken, 1] = band_low, band_high
+            taken += 1
+    return low, high, taken
+
+
+@njit
+def _highest(low: float, high: float, bands: Array, taken: int) -> float:
+    """The largest value in [low, high] outside the bands, or -1."""
+    moved = True
+    while moved:
+        moved = False
+        for k in range(taken):
+            if bands[k, 0] < high < bands[k, 1]:
+                high, moved = bands[k, 0], True
+    return high if low <= high else -1.0
+
+
+@njit
+def _lowest(low: float, high: float, bands: Array, taken: int) -> float:
+    """The smallest value in [low, high] outside the bands, or -1."""
+    moved = True
+    while moved:
+        moved = False
+        for k in range(taken):
+            if bands[k, 0] < low < bands[k, 1]:
+                low, moved = bands[k, 1], True
+    return low if low <= high else -1.0
+
+
+@njit
+def _lack(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) -> float:
+    """Not positive if the interval can begin with ``x`` and end in [low, high]; else by how much it cannot."""
+    first, last, taken = _reach(rows, i, x, low, high, bands)
+    if taken and first <= last and _highest(first, last, bands, taken) < 0.0:
+        return 1e-9
+    return first - last
+
+
+@njit
+def _retreat(rows: Rows, i: int, bad: float, good: float, low: float, high: float, bands: Array) -> float:
+    """The admissible ``x`` nearest to ``bad``, on the way to ``good``: Illinois, halving when that is slow."""
+    v_bad, v_good = _lack(rows, i, bad, low, high, bands), _lack(rows, i, good, low, high, bands)
+    last = 0
+    for k in range(RETREATS):
+        if abs(bad - good) <= 1e-9 * abs(bad) or 0.0 <= -v_good <= 1e-10 * good:
+            break
+        share = v_good / (v_good - v_bad) if k < 12 and v_bad < np.inf else 0.5
+        x = good + min(max(share, 1e-9), 1.0 - 1e-9) * (bad - good)
+        v = _lack(rows, i, x, low, high, bands)
+        if v > 0.0:
+            if last > 0:
+                v_good *= 0.5
+            bad, v_bad, last = x, v, 1
+        else:
+            if last < 0:
+                v_bad *= 0.5
+            good, v_good, last = x, v, -1
+    return good
+
+
+@njit
+def _tighten(rows: Rows, i: int, low: float, high: float, span: Array, bands: Array) -> bool:
+    """Move the ends of a candidate interval ``span`` (2,) of ``x`` inwards to where the exact rows hold."""
+    low_fits = _lack(rows, i, span[0], low, high, bands) <= 0.0
+    high_fits = _lack(rows, i, span[1], low, high, bands) <= 0.0
+    if low_fits and high_fits:
+        return True
+    inside = span[0] if low_fits else span[1]
+    if not (low_fits or high_fits):
+        found = False
+        for k in range(1, 16):
+            inside = span[0] + k / 16.0 * (span[1] - span[0])
+            if _lack(rows, i, inside, low, high, bands) <= 0.0:
+                found = True
+                break
+        if not found:
+            return False
+    if not high_fits:
+        span[1] = _retreat(rows, i, span[1], inside, low, high, bands)
+    if not low_fits:
+        span[0] = _retreat(rows, i, span[0], inside, low, high, bands)
+    return True
+
+
+@njit
+def _merge(spans: Array, count: int) -> int:
+    """Sort intervals (K, 2) and unite those that touch; returns their number."""
+    for k in range(1, count):
+        first, last, m = spans[k, 0], spans[k, 1], k
+        while m > 0 and spans[m - 1, 0] > first:
+            spans[m, 0], spans[m, 1] = spans[m - 1, 0], spans[m - 1, 1]
+            m -= 1
+        spans[m, 0], spans[m, 1] = first, last
+    kept = 0
+    for k in range(count):
+        if kept and spans[k, 0] <= spans[kept - 1, 1]:
+            spans[kept - 1, 1] = max(spans[kept - 1, 1], spans[k, 1])
+        else:
+            spans[kept, 0], spans[kept, 1] = spans[k, 0], spans[k, 1]
+            kept += 1
+    return kept
+
+
+@njit
+def controllable_sets(rows: Rows, x_end: float, single: bool, through: Array, sets: Array, counts: Ints) -> int:
+    """Fill the controllable sets backwards from ``x_end``; returns -1, or the station whose set is empty.
+
+    ``sets`` (N+1, MOST, 2): rising intervals of ``x`` from which the end can be met, ``counts`` (N+1,) how many.
+    ``single``: keep one of them at each station, the lowest or the one that ``through`` (N+1,) passes.
+    """
+    n, last = rows.a.shape[1], rows.station.shape[0] - 1
+    stage, bands = np.empty((2 * n + 1, 5)), np.empty((max(n, BANDS), 2))
+    found, here = np.empty((MOST, 2)), np.empty((MOST * MOST, 2))
+    counts[:] = 0
+    sets[last, 0, 0] = sets[last, 0, 1] = x_end
+    counts[last] = 1
     if x_end > rows.x_cap[last]:
         return int(last)
     for i in range(last - 1, -1, -1):
-        if rows.station[i + 1] == rows.station[i]:
-            low[i], high[i] = low[i + 1], min(high[i + 1], rows.x_cap[i])
-            low_next[i], high_next[i] = low[i], high[i]
-            if low[i] > high[i]:
-                return i
-            continue
-        count = _stage_rows(rows, i, low[i + 1], high[i + 1], stage)
-        x_low, x_high = 0.0, rows.x_cap[i]
-        for p in range(count):
-            for q in range(count):
-                slope = stage[q, 1] * stage[p, 0] - stage[p, 1] * stage[q, 0]
-                room = stage[q, 3] * stage[p, 0] - stage[p, 2] * stage[q, 0]
-                scale = abs(stage[q, 1] * stage[p, 0]) + abs(stage[p, 1] * stage[q, 0])
-                if slope > 1e-13 * scale:
-                    x_high = min(x_high, room / slope)
-                elif slope < -1e-13 * scale:
-                    x_low = max(x_low, room / slope)
-                elif room < -1e-9 * (abs(stage[q, 3] * stage[p, 0]) + abs(stage[p, 2] * stage[q, 0])):
-                    return i
-        if x_low > x_high:
-            if x_low > x_high + 1e-12 * (1.0 + x_high):
-                return i
-            x_low = x_high
-        low[i], high[i] = x_low, x_high
-        u_low, u_high = _accelerations(stage, count, x_high)
-        high_next[i] = min(
-            max(x_high + 2.0 * (rows.station[i + 1] - rows.station[i]) * max(u_low, u_high), low[i + 1]), high[i + 1]
-        )
-        u_low, u_high = _accelerations(stage, count, x_low)
-        low_next[i] = min(
-            max(x_low + 2.0 * (rows.station[i + 1] - rows.station[i]) * min(u_low, u_high), low[i + 1]), high[i + 1]
-        )
+        total = 0
+        viscous = False
+        for j in range(n):
+            viscous = viscous or rows.r[i + 1, j] != 0.0
+        for m in range(counts[i + 1]):
+            low, high = sets[i + 1, m, 0], sets[i + 1, m, 1]
+            if rows.station[i + 1] == rows.station[i]:
+                if low <= rows.x_cap[i]:
+                    here[total, 0], here[total, 1] = low, min(high, rows.x_cap[i])
+                    total += 1
+                continue
+            count = _stage_rows(rows, i, low, high, stage)
+            for k in range(_eliminate(stage, count, rows.x_cap[i], bands, found)):
+                if not viscous or _tighten(rows, i, low, high, found[k], bands):
+                    here[total, 0], here[total, 1] = found[k, 0], found[k, 1]
+                    total += 1
+        total = min(_merge(here, total), MOST)
+        if total == 0:
+            return i
+        if single:
+            pick = 0
+            while pick < total - 1 and len(through) and here[pick, 1] < through[i]:
+                pick += 1
+            here[0, 0], here[0, 1], total = here[pick, 0], here[pick, 1], 1
+        counts[i] = total
+        for m in range(total):
+            sets[i, m, 0], sets[i, m, 1] = here[m, 0], here[m, 1]
     return -1
 
 
 @njit
-def greedy_profile(rows: Rows, edges: Edges, x_start: float, x: Array, u: Array) -> None:
-    """The fastest motion: at every station the largest ``u`` that stays in the controllable set."""
+def admissible_sets(rows: Rows, sets: Array, counts: Ints) -> None:
+    """Fill the intervals of ``x`` at which some ``u`` meets the rows of the station itself (Lee1991 eq. 10)."""
     n = rows.a.shape[1]
-    stage = np.empty((2 * n + 1, 4))
-    x[0] = min(max(x_start, edges.low[0]), edges.high[0])
+    stage, bands, found = np.empty((n + 1, 5)), np.empty((BANDS, 2)), np.empty((MOST, 2))
+    for i in range(rows.station.shape[0]):
+        for j in range(n):
+            o = stage[j]
+            o[0], o[1], o[2], o[3], o[4] = rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j]
+            if o[0] < 0.0:
+                o[0], o[1], o[2], o[3], o[4] = -o[0], -o[1], -o[2], -o[4], -o[3]
+        o = stage[n]
+        o[0], o[1], o[2], o[3], o[4] = 1.0, 0.0, 0.0, -1e12, 1e12  # any u: rows without inertia need a partner
+        counts[i] = _eliminate(stage, n + 1, rows.x_cap[i], bands, found)
+        for m in range(counts[i]):
+            sets[i, m, 0], sets[i, m, 1] = found[m, 0], found[m, 1]
+
+
+@njit
+def active_rows(rows: Rows, x: Array, u: Array, row: Ints, side: Ints) -> None:
+    """For every interval the row nearest to a limit at either end, and which: 1 upper, -1 lower (N,)."""
+    for i in range(u.shape[0]):
+        nearest = np.inf
+        for e in range(2):
+            k = i + e
+            for j in range(rows.a.shape[1]):
+                value = rows.a[k, j] * u[i] + rows.b[k, j] * x[k] + rows.r[k, j] * np.sqrt(x[k])
+                width = rows.high[k, j] - rows.low[k, j]
+                above, below = (rows.high[k, j] - value) / width, (value - rows.low[k, j]) / width
+                if min(above, below) < nearest:
+                    nearest, row[i], side[i] = min(above, below), j, 1 if above < below else -1
+        if nearest > 1e-6:
+            row[i], side[i] = -1, 0
+
+
+@njit
+def follow_edges(rows: Rows, sets: Array, edges: Edges) -> None:
+    """Fill the edges of the lowest interval at every station, and where the motions along them arrive."""
+    bands = np.empty((rows.a.shape[1], 2))
+    last = rows.station.shape[0] - 1
+    for i in range(last + 1):
+        edges.low[i], edges.high[i] = sets[i, 0, 0], sets[i, 0, 1]
+    for i in range(last):
+        low, high = edges.low[i + 1], edges.high[i + 1]
+        if rows.station[i + 1] == rows.station[i]:
+            edges.low_next[i], edges.high_next[i] = edges.low[i], edges.high[i]
+            continue
+        first, final, taken = _reach(rows, i, edges.high[i], low, high, bands)
+        y = _highest(first, final, bands, taken)
+        edges.high_next[i] = y if y >= 0.0 else min(max(final, low), high)
+        first, final, taken = _reach(rows, i, edges.low[i], low, high, bands)
+        y = _lowest(first, final, bands, taken)
+        edges.low_next[i] = y if y >= 0.0 else min(max(first, low), high)
+
+
+@njit
+def greedy_profile(rows: Rows, sets: Array, counts: Ints, x_start: float, x: Array, u: Array) -> None:
+    """The fastest motion: at every station the largest ``u`` that stays in the controllable set."""
+    bands = np.empty((rows.a.shape[1], 2))
+    x[0] = x_start
     for i in range(rows.station.shape[0] - 1):
         d2 = 2.0 * (rows.station[i + 1] - rows.station[i])
         if d2 == 0.0:
             x[i + 1], u[i] = x[i], 0.0
             continue
-        count = _stage_rows(rows, i, edges.low[i + 1], edges.high[i + 1], stage)
-        u_low, u_high = _accelerations(stage, count, x[i])
-        x[i + 1] = min(max(x[i] + d2 * max(u_low, u_high), edges.low[i + 1]), edges.high[i + 1])
-        u[i] = (x[i + 1] - x[i]) / d2
+        best, least = -1.0, np.inf
+        for m in range(counts[i + 1] - 1, -1, -1):
+            low, high = sets[i + 1, m, 0], sets[i + 1, m, 1]
+            first, last, taken = _reach(rows, i, x[i], low, high, bands)
+            y = _highest(first, last, bands, taken)
+            if y >= 0.0:
+                best = y
+                break
+            if first - last < least:  # rounding closed it: the interval that lacks least
+                least, best = first - last, min(max(last, low), high)
+                if taken == 0 and first - last > 1e-6 * (1.0 + high):
+                    best = min(max(0.5 * (first + last), low), high)
+        x[i + 1] = best
+        u[i] = (best - x[i]) / d2
 
 
 @njit
@@ -178,16 +500,26 @@ def acceleration_bounds(rows: Rows, lam: float, x: float) -> tuple[float, float]
 def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float, float]:
     """Bounds of ``u`` from the rows at share ``w`` of interval i, met after travelling ``d2 / 2`` from ``x``."""
     lowest, highest = -np.inf, np.inf
+    mu = np.sqrt(x)
     for j in range(rows.a.shape[1]):
+        a = rows.a[i, j] + w * (rows.a[i + 1, j] - rows.a[i, j])
         b = rows.b[i, j] + w * (rows.b[i + 1, j] - rows.b[i, j])
-        a = rows.a[i, j] + w * (rows.a[i + 1, j] - rows.a[i, j]) + d2 * b
-        low = rows.low[i, j] + w * (rows.low[i + 1, j] - rows.low[i, j]) - b * x
-        high = rows.high[i, j] + w * (rows.high[i + 1, j] - rows.high[i, j]) - b * x
+        r = rows.r[i, j] + w * (rows.r[i + 1, j] - rows.r[i, j])
+        low = rows.low[i, j] + w * (rows.low[i + 1, j] - rows.low[i, j])
+        high = rows.high[i, j] + w * (rows.high[i + 1, j] - rows.high[i, j])
+        if d2 > 0.0 and r != 0.0:
+            low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
+            if band_high > band_low:  # stay on the side where the arm is
+                low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
+            lowest = max(lowest, (low - x) / d2)
+            highest = min(highest, (high - x) / d2)
+            continue
+        a, used = a + d2 * b, b * x + r * mu
         if a < 0.0:
-            a, low, high = -a, -high, -low
+            a, low, high, used = -a, -high, -low, -used
         if a > 1e-14:
-            lowest = max(lowest, low / a)
-            highest = min(highest, high / a)
+            lowest = max(lowest, (low - used) / a)
+            highest = min(highest, (high - used) / a)
     return lowest, highest
 
 

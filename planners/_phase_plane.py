@@ -9,6 +9,8 @@ forward pass the fastest motion inside it. The pointwise largest admissible prof
 from __future__ import annotations
 
 import math
+import warnings
+from functools import cached_property
 from typing import Literal, final
 
 import numpy as np
@@ -17,12 +19,15 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.errors import ActionError, InfeasibleError, InputError
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_kernels import (
+    MOST,
     Edges,
     Rows,
     acceleration_bounds,
+    admissible_sets,
     advance,
     controllable_sets,
     edge_speed,
+    follow_edges,
     greedy_profile,
 )
 from armtempo.planners._phase_trajectory import PhaseTrajectory
@@ -31,6 +36,7 @@ Array = NDArray[np.float64]
 Mode = Literal["speed", "acceleration"]
 
 NO_RECORD = np.empty((0, 3))
+NO_PROFILE = np.empty(0)
 
 
 @final
@@ -43,35 +49,56 @@ class PhasePlane:
 
     Attributes:
         rows: The limits as arrays for compiled loops.
-        edges: The controllable set, likewise.
+        sets: (N+1, MOST, 2) the controllable set: rising intervals of ``mu^2`` from which the end can be met.
+        counts: (N+1,) how many of them; more than one only with viscous friction.
 
     Raises:
         InfeasibleError: From some station no speed lets the arm reach the end; the message names it, the joint and why.
     """
 
     def __init__(self, dynamics: PathDynamics, mu_end: float = 0.0) -> None:
-        if np.any(dynamics.R != 0.0):
-            raise InfeasibleError(
-                "viscous friction along the path is not supported by the phase plane yet",
-                remedy="set the damping of the joints to 0 in the URDF and leave a torque_reserve for it",
-            )
         if not (np.isfinite(mu_end) and mu_end >= 0.0):
             raise InputError(f"mu_end must be finite and not negative, got {mu_end}")
         self.dynamics = dynamics
         self.mu_end = float(mu_end)
-        count = len(dynamics.grid)
         self.rows = Rows(
             dynamics.grid,
             dynamics.M,
             dynamics.Q,
+            dynamics.R,
             dynamics.torque_min - dynamics.S,
             dynamics.torque_max - dynamics.S,
             np.minimum(dynamics.speed_max, 1e6) ** 2,
         )
-        self.edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1))
-        failed = controllable_sets(self.rows, self.mu_end**2, *self.edges)
+        count = len(dynamics.grid)
+        self.sets, self.counts = np.zeros((count, MOST, 2)), np.zeros(count, dtype=np.int64)
+        failed = controllable_sets(self.rows, self.mu_end**2, False, NO_PROFILE, self.sets, self.counts)
         if failed >= 0:
             raise self._explain(failed)
+
+    @cached_property
+    def edges(self) -> Edges:
+        """One interval of the controllable set per station, for motions under commands.
+
+        The lowest, so that an arm can always yield; ``mu*`` is its upper end. Where friction splits the set, the
+        minimum-time motion may pass above it (``fastest`` knows all intervals).
+        """
+        sets = self.sets
+        if self.counts.max() > 1:
+            sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
+            if controllable_sets(self.rows, self.mu_end**2, True, NO_PROFILE, sets, counts) >= 0:
+                # slow motions lead nowhere: keep to the intervals that the fastest one passes
+                x = self._greedy(float(self.sets[0, self.counts[0] - 1, 1]))[0]
+                controllable_sets(self.rows, self.mu_end**2, True, x, sets, counts)
+        count = len(self.rows.station)
+        edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1))
+        follow_edges(self.rows, sets, edges)
+        return edges
+
+    @cached_property
+    def holdable(self) -> NDArray[np.bool_]:
+        """(N+1,) the stations at which the arm can come to rest, hold still and go on."""
+        return np.asarray(self.edges.low <= 0.0)
 
     def _explain(self, row: int) -> InfeasibleError:
         """Why nothing is controllable at a row of the grid."""
@@ -127,18 +154,22 @@ class PhasePlane:
         low, high = acceleration_bounds(self.rows, float(lam), float(mu) ** 2)
         return float(low), float(high)
 
+    @cached_property
+    def admissible(self) -> Array:
+        """(N+1, MOST, 2) the intervals of ``mu`` in which some ``mu_dot`` keeps the limits of the station; else NaN.
+
+        Without friction there is one, under the velocity limit curve; with it islands may be cut out (Lee1991 eq. 10).
+        """
+        sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
+        admissible_sets(self.rows, sets, counts)
+        sets[np.arange(MOST) >= counts[:, None]] = np.nan
+        return np.asarray(np.sqrt(sets))
+
     def speed_limit(self) -> Array:
-        """(N+1,) the boundary of the admissible region: above it no ``mu_dot`` keeps the limits (Lee1991 eq. 10)."""
-        a, b, low, high = self.rows.a, self.rows.b, self.rows.low, self.rows.high
-        sign = np.where(a < 0.0, -1.0, 1.0)
-        a, b = sign * a, sign * b
-        low, high = np.where(sign < 0.0, -high, low), np.where(sign < 0.0, -low, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = b[:, None, :] * a[:, :, None] - b[:, :, None] * a[:, None, :]  # [station, p, q]
-            room = high[:, None, :] * a[:, :, None] - low[:, :, None] * a[:, None, :]
-            bound = np.where(slope > 0.0, room / slope, np.inf)
-        limit: Array = np.sqrt(np.minimum(bound.min(axis=(1, 2)), self.rows.x_cap))
-        return limit
+        """(N+1,) the top of the admissible region: above it no ``mu_dot`` keeps the limits (Lee1991 eq. 10)."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a station without any admissible speed
+            return np.asarray(np.nanmax(self.admissible[..., 1], axis=1))
 
     def advance(
         self, lam: float, mu: float, command: float, dt: float, *, mode: Mode = "speed"
@@ -170,24 +201,27 @@ class PhasePlane:
         Raises:
             InfeasibleError: ``mu_start`` is outside the controllable set; the message gives its ends.
         """
-        low, high = float(np.sqrt(self.edges.low[0])), float(np.sqrt(self.edges.high[0]))
-        if not low - 1e-9 <= mu_start <= high + 1e-9:
+        spans = np.sqrt(self.sets[0, : self.counts[0]])
+        if not any(low - 1e-9 <= mu_start <= high + 1e-9 for low, high in spans):
+            inside = " or ".join(f"[{low:.6g}, {high:.6g}]" for low, high in spans)
             raise InfeasibleError(
-                f"mu_start = {mu_start:.6g} is outside [{low:.6g}, {high:.6g}], from where the end can be met",
+                f"mu_start = {mu_start:.6g} is outside {inside}, from where the end can be met",
+                remedy="start with a speed inside, or raise the limits",
                 station=float(self.rows.station[0]),
             )
-        count = len(self.rows.station)
-        x, u = np.empty(count), np.empty(count - 1)
-        greedy_profile(self.rows, self.edges, float(mu_start) ** 2, x, u)
+        nearest = min(spans.ravel(), key=lambda edge: abs(edge - mu_start))
+        inside_one = any(low <= mu_start <= high for low, high in spans)
+        x, _ = self._greedy(float(mu_start if inside_one else nearest) ** 2)
         stuck = np.flatnonzero((x[:-1] + x[1:] <= 0.0) & (np.diff(self.rows.station) > 0.0))
         if len(stuck):
-            station = float(self.rows.station[stuck[0]])
-            raise InfeasibleError(
-                f"the arm cannot move on from rest at station {station:.4g}",
-                remedy="raise the torque limits; a speed limit of 0 is no limit but a stop",
-                station=station,
-            )
+            raise self._explain_stuck(int(stuck[0]))
         return PhaseTrajectory.from_profile(self.rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
+
+    def _greedy(self, x_start: float) -> tuple[Array, Array]:
+        count = len(self.rows.station)
+        x, u = np.empty(count), np.empty(count - 1)
+        greedy_profile(self.rows, self.sets, self.counts, x_start, x, u)
+        return x, u
 
     def braking(self, lam: float, mu: float) -> PhaseTrajectory:
         """Maximum braking from a state to rest (or to the end of the path)."""
