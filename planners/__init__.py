@@ -16,6 +16,8 @@ from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajecto
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl
+from armtempo.planners._waypoint_file import read_waypoints
+from armtempo.planners._waypoint_path import WaypointPath
 
 __all__ = [
     "METHODS",
@@ -38,6 +40,7 @@ __all__ = [
     "TwoLinkPath",
     "VciPlan",
     "VelocityControl",
+    "WaypointPath",
     "build_cell",
     "clearance_table",
     "load_cell",
@@ -45,6 +48,7 @@ __all__ = [
     "minimum_time",
     "path_point",
     "phase_kernels",
+    "read_waypoints",
     "schedule",
     "tabulated_clearance",
 ]

@@ -1,6 +1,7 @@
 r"""Joint paths ``q = f(lambda)`` (Lee1991 eq. 2): what the phase plane and the charts need of a path.
 
-``lambda`` runs over ``[0, length]``; for Cartesian paths it is the travelled length [m]. The derivatives
+``lambda`` runs over ``[0, length]``: the travelled length [m] of Cartesian paths, the length of the chords in joint
+space [rad] of paths through waypoints. The derivatives
 ``f' = dq/dlambda`` and ``f'' = d2q/dlambda2`` are exact, not differences (Lee1991 eqs. 3-4):
 
     qd = f' mu,    qdd = f'' mu^2 + f' mu_dot,    mu = dlambda/dt
@@ -9,12 +10,13 @@ r"""Joint paths ``q = f(lambda)`` (Lee1991 eq. 2): what the phase plane and the 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.robots import njit
+from armtempo.robots import Arm, njit
 
 Array = NDArray[np.float64]
 
@@ -40,8 +42,10 @@ class JointPath(ABC):
         length: ``lambda_max``.
         dof: Number of joints n.
         breakpoints: Rising stations, first 0 and last ``length``, between which the path is smooth.
+        unit: Of ``lambda``: ``m`` or ``rad``.
     """
 
+    unit: str = "m"
     length: float
     dof: int
     breakpoints: Array
@@ -53,6 +57,53 @@ class JointPath(ABC):
     @abstractmethod
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
         """Upper bounds of ``|f'|`` over intervals [low, high], (..., n), not from samples: charts certify with them."""
+
+    @staticmethod
+    def through(
+        waypoints: ArrayLike,
+        *,
+        arm: Arm | None = None,
+        ends: Literal["natural", "not-a-knot"] = "natural",
+        spacing: Literal["chord", "centripetal"] = "chord",
+    ) -> JointPath:
+        """A smooth path through joint positions (K, n) [rad or m]: C2 cubics over the chord length in joint space.
+
+        Args:
+            waypoints: In order; the first and the last are the path's ends.
+            arm: Whose path it is: its number of joints, and its position limits all along the spline, are checked.
+            ends: ``natural`` (no curvature at the ends) or ``not-a-knot``.
+            spacing: How lambda grows between waypoints: ``chord`` or ``centripetal`` (gentler in sharp corners).
+
+        Raises:
+            InputError: Wrong shape, NaN, or fewer than 2 waypoints.
+            PathError: A repeated waypoint, or a position beyond the arm's limits; ``data`` says where and which joint.
+        """
+        from armtempo.planners._waypoint_path import WaypointPath
+
+        return WaypointPath(waypoints, arm=arm, ends=ends, spacing=spacing)
+
+    @staticmethod
+    def from_file(
+        file: str | Path,
+        *,
+        arm: Arm | None = None,
+        ends: Literal["natural", "not-a-knot"] = "natural",
+        spacing: Literal["chord", "centripetal"] = "chord",
+    ) -> JointPath:
+        """``through`` the waypoints of a CSV or JSON file.
+
+        CSV: one waypoint per line; a first line of names is optional. JSON: ``[[...], ...]`` or
+        ``{"joints": [...], "waypoints_rad": [[...], ...]}``. Where joints are named and ``arm`` is given, columns are
+        matched by name, in any order, and others are left out.
+
+        Raises:
+            InputError: The file cannot be read; the message names file and line. And as ``through``.
+            PathError: As ``through``.
+        """
+        from armtempo.planners._waypoint_file import read_waypoints
+
+        waypoints = read_waypoints(Path(file), None if arm is None else arm.joint_names)
+        return JointPath.through(waypoints, arm=arm, ends=ends, spacing=spacing)
 
     def table(self, pieces: int = 2048) -> PathTable:
         """Samples for numba kernels; breakpoints are stations."""
