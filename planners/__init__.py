@@ -11,7 +11,8 @@ from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import makespan_bound
 from armtempo.planners._path_dynamics import PathDynamics
-from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time
+from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
+from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
 from armtempo.planners._two_link_path import TwoLinkPath
@@ -26,12 +27,14 @@ __all__ = [
     "Cell",
     "ClearanceTable",
     "CoordinationChart",
+    "Island",
     "JointPath",
     "Line",
     "Mode",
     "MotionCertificate",
     "PathDynamics",
     "PathTable",
+    "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
     "Schedule",
@@ -43,11 +46,13 @@ __all__ = [
     "WaypointPath",
     "build_cell",
     "clearance_table",
+    "diagnose",
     "load_cell",
     "makespan_bound",
     "minimum_time",
     "path_point",
     "phase_kernels",
+    "refined_plane",
     "read_waypoints",
     "schedule",
     "tabulated_clearance",

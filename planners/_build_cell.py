@@ -18,19 +18,16 @@ from armtempo.configs import (
     load_cell_config,
     resolve_file,
 )
-from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError
+from armtempo.errors import ArmtempoError, CollisionError, ConfigError, PathError
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._path_dynamics import PathDynamics
-from armtempo.planners._phase_plane import PhasePlane
+from armtempo.planners._phase_plane import refined_plane
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 
 Array = NDArray[np.float64]
-
-TORQUE_TOLERANCE = 1e-3
-FINEST_GRID = 16_000  # intervals
 
 
 def load_cell(name_or_path: str | Path) -> Cell:
@@ -49,21 +46,23 @@ def load_cell(name_or_path: str | Path) -> Cell:
 def build_cell(config: CellConfig) -> Cell:
     """Build and certify a cell; raises as ``load_cell``."""
     source = str(config.source)
-    arms, paths, dynamics, planes = [], [], [], []
+    arms, paths, planes = [], [], []
     for i, arm_config in enumerate(config.arms):
         place = f"{source}, arms[{i}]"
         try:
             arm = _build_arm(config, arm_config)
             place += ".path"
             path = _build_path(arm, arm_config)
-            plane = _build_plane(arm, path, config)
+            dynamics = PathDynamics.from_path(
+                arm, path, intervals=config.stations, torque_reserve=config.torque_reserve
+            )
+            plane = refined_plane(dynamics, tick=config.physics_tick_s)
         except ConfigError:
             raise
         except ArmtempoError as error:
             raise error.at(place) from error
         arms.append(arm)
         paths.append(path)
-        dynamics.append(plane.dynamics)
         planes.append(plane)
     obstacles = tuple(_build_obstacle(config, obstacle) for obstacle in config.obstacles)
     cell = Cell(
@@ -72,7 +71,7 @@ def build_cell(config: CellConfig) -> Cell:
         arms=tuple(arms),
         paths=tuple(paths),
         obstacles=obstacles,
-        dynamics=tuple(dynamics),
+        dynamics=tuple(plane.dynamics for plane in planes),
         planes=tuple(planes),
         clearance=Clearance(arms, obstacles),
     )
@@ -157,32 +156,6 @@ def _build_path(arm: Arm, config: ArmConfig) -> JointPath:
             remedy="give elbow: positive or negative",
         )
     return TwoLinkPath(arm, CartesianPath(segments), config.elbow)
-
-
-def _build_plane(arm: Arm, path: JointPath, config: CellConfig) -> PhasePlane:
-    """The phase plane on a grid fine enough that dense sampling finds no torque above its limit by more than 0.1 %.
-
-    Asked of the minimum-time motion and of full speed in ticks, which does not move from station to station.
-    """
-    intervals = config.stations
-    while True:
-        dynamics = PathDynamics.from_path(arm, path, intervals=intervals, torque_reserve=config.torque_reserve)
-        plane = PhasePlane(dynamics)
-        fastest = plane.fastest()
-        ticks = int(1.5 * fastest.duration / config.physics_tick_s) + 2
-        stepped = plane.motion(np.ones(ticks), np.full(ticks, config.physics_tick_s))
-        worst = max((fastest.certificate, stepped.certificate), key=lambda certificate: certificate.torque_excess)
-        if worst.torque_excess <= TORQUE_TOLERANCE:
-            return plane
-        if intervals >= FINEST_GRID:
-            raise InfeasibleError(
-                f"torques of arm {arm.name!r} change too fast at station {worst.worst_station:.4g} m: "
-                f"{100.0 * worst.torque_excess:.2g} % above a limit even with {intervals} stations",
-                remedy="keep the path away from the limits of the arm's reach",
-                station=worst.worst_station,
-                joint=worst.worst_joint,
-            )
-        intervals *= 2
 
 
 def _build_obstacle(config: CellConfig, obstacle: ObstacleConfig) -> Shape:

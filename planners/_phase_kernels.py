@@ -101,7 +101,7 @@ def _eliminate(stage: Array, count: int, x_cap: float, bands: Array, out: Array)
             if abs(A) <= 1e-13 * (abs(stage[q, 1] * stage[p, 0]) + abs(stage[p, 1] * stage[q, 0])):
                 A = 0.0
             if A == 0.0 and B == 0.0:
-                if C < -1e-9 * (abs(stage[q, 4] * stage[p, 0]) + abs(stage[p, 3] * stage[q, 0])):
+                if -1e-9 * (abs(stage[q, 4] * stage[p, 0]) + abs(stage[p, 3] * stage[q, 0])) > C:
                     return 0
             elif B == 0.0:
                 if A > 0.0:
@@ -151,9 +151,7 @@ def _eliminate(stage: Array, count: int, x_cap: float, bands: Array, out: Array)
                     found += 1
                 elif below and not above:
                     out[m, 1] = bands[k, 0]
-                elif below:
-                    out[m, 0] = bands[k, 1]
-                elif above:
+                elif below or above:
                     out[m, 0] = bands[k, 1]
                 else:
                     out[m, 0], out[m, 1] = 1.0, 0.0
@@ -179,7 +177,7 @@ def _end_row(
     if P < 0.0:
         P, R, L, H = -P, -R, -H, -L
     if R == 0.0:
-        if P <= 1e-14 * abs(a):
+        if 1e-14 * abs(a) >= P:
             return (-np.inf, np.inf, 0.0, 0.0) if L <= 0.0 <= H else (np.inf, -np.inf, 0.0, 0.0)
         return L / P, H / P, 0.0, 0.0
     first, last, band_low, band_high = 0.0, np.inf, 0.0, 0.0

@@ -37,6 +37,8 @@ Mode = Literal["speed", "acceleration"]
 
 NO_RECORD = np.empty((0, 3))
 NO_PROFILE = np.empty(0)
+EXCESS = 1e-3  # share of a limit that dense sampling may find above it
+REFINEMENTS = 10
 
 
 @final
@@ -100,33 +102,71 @@ class PhasePlane:
         """(N+1,) the stations at which the arm can come to rest, hold still and go on."""
         return np.asarray(self.edges.low <= 0.0)
 
+    def limit_name(self, row: int) -> str:
+        """What a row of the limits is, in words."""
+        dynamics = self.dynamics
+        arm = dynamics.arm
+        of_arm = f" of arm {arm.name!r}" if arm is not None else ""
+        if row < dynamics.joints:
+            return f"the torque of joint {repr(arm.joint_names[row]) if arm is not None else row}{of_arm}"
+        assert arm is not None  # only arms add rows
+        joint = np.flatnonzero(np.isfinite(arm.acceleration_max))[row - dynamics.joints]
+        return f"the acceleration of joint {arm.joint_names[joint]!r}{of_arm}"
+
     def _explain(self, row: int) -> InfeasibleError:
         """Why nothing is controllable at a row of the grid."""
         dynamics = self.dynamics
         station = float(dynamics.grid[row])
         hold = dynamics.S[row]
         over = np.maximum(hold - dynamics.torque_max[row], dynamics.torque_min[row] - hold)
-        joint = int(over.argmax())
-        arm = dynamics.arm
-        name = repr(arm.joint_names[joint]) if arm is not None and joint < arm.dof else str(joint)
-        of_arm = f" of arm {arm.name!r}" if arm is not None else ""
-        if over[joint] > 0.0:
+        limit = int(over.argmax())
+        if over[limit] > 0.0 and limit < dynamics.joints:
+            arm = dynamics.arm
+            name = repr(arm.joint_names[limit]) if arm is not None else str(limit)
+            of_arm = f" of arm {arm.name!r}" if arm is not None else ""
             reason = (
-                f"joint {name}{of_arm} needs {hold[joint]:.4g} N m to hold still at station {station:.4g}, "
-                f"its limits are [{dynamics.torque_min[row, joint]:.4g}, {dynamics.torque_max[row, joint]:.4g}] N m"
+                f"joint {name}{of_arm} needs {hold[limit]:.4g} N m to hold still at station {station:.4g}, "
+                f"its limits are [{dynamics.torque_min[row, limit]:.4g}, {dynamics.torque_max[row, limit]:.4g}] N m"
             )
             remedy = "raise limits.torque_nm, lower torque_reserve, or move the path"
+        elif self.rows.x_cap[row] < self.sets[row + 1 : row + 2, 0, 0].min(initial=np.inf) and row + 1 < len(hold):
+            needed = float(np.sqrt(self.sets[row + 1, 0, 0]))
+            reason = (
+                f"past station {station:.4g} the arm must move at mu >= {needed:.4g}, because it could not hold still "
+                f"there, but the speed limit is {float(dynamics.speed_max[row]):.4g}"
+            )
+            remedy = "raise limits.speed_rad_s or the torque limits there, or move the path"
         else:
             a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
             with np.errstate(divide="ignore", invalid="ignore"):
-                joint = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
-            name = repr(arm.joint_names[joint]) if arm is not None and joint < arm.dof else str(joint)
+                limit = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
             reason = (
-                f"no speed at station {station:.4g}{of_arm} lets the path be finished inside the limits "
-                f"(joint {name} limits the acceleration from rest most)"
+                f"no speed at station {station:.4g} lets the path be finished inside the limits "
+                f"({self.limit_name(limit)} limits the acceleration from rest most)"
             )
             remedy = "raise the torque or speed limits there, or smooth the path"
-        return InfeasibleError(reason, remedy=remedy, station=station, joint=joint, row=row)
+        return InfeasibleError(reason, remedy=remedy, station=station, joint=limit, row=row)
+
+    def _explain_stuck(self, row: int) -> InfeasibleError:
+        """Why the arm cannot move on from rest at a row of the grid."""
+        station = float(self.rows.station[row])
+        if self.rows.x_cap[row + 1] <= 0.0:
+            return InfeasibleError(
+                f"the arm cannot move on from rest at station {station:.4g}: the speed limit there is 0",
+                remedy="a speed limit of 0 is no limit but a stop: raise it",
+                station=station,
+                row=row,
+            )
+        a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            limit = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
+        return InfeasibleError(
+            f"the arm cannot move on from rest at station {station:.4g}: {self.limit_name(limit)} is at its limit",
+            remedy="raise that limit, or move the path",
+            station=station,
+            joint=limit,
+            row=row,
+        )
 
     @property
     def length(self) -> float:
@@ -217,6 +257,60 @@ class PhasePlane:
             raise self._explain_stuck(int(stuck[0]))
         return PhaseTrajectory.from_profile(self.rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
 
+    def with_duration(self, duration: float, mu_start: float = 0.0) -> PhaseTrajectory:
+        """The motion under one speed limit ``mu <= kappa`` that takes exactly ``duration`` [s].
+
+        Where no such limit gives it (viscous friction can make the time jump), the rest of the time is spent at the
+        start.
+
+        Raises:
+            InfeasibleError: It is shorter than the minimum time, or longer than the slowest motion of an arm that
+                cannot hold still; the message says which.
+        """
+        fastest = self.fastest(mu_start)
+        if not duration >= fastest.duration * (1.0 - 1e-12):
+            raise InfeasibleError(
+                f"a duration of {duration:.6g} s is wanted, the minimum is {fastest.duration:.6g} s",
+                remedy="allow more time, or raise the limits",
+            )
+        slowest, quickest = 0.0, float(fastest.mu.max(initial=0.0))  # kappa: too slow or impossible, fast enough
+        motion = fastest
+        for _ in range(200):
+            if duration - motion.duration <= 1e-13 * duration or quickest - slowest <= 1e-15 * quickest:
+                break
+            kappa = 0.5 * (slowest + quickest)
+            if slowest == 0.0:  # towards ever slower motions: the time grows about as 1 / kappa
+                kappa = quickest * min(0.9 * motion.duration / duration, 0.5)
+            tried = self._capped(kappa, mu_start)
+            if tried is not None and tried.duration <= duration:
+                quickest, motion = kappa, tried
+            else:
+                slowest = kappa
+        left = duration - motion.duration
+        if left > 1e-9 * duration and (mu_start > 0.0 or not self.holdable[0]):
+            raise InfeasibleError(
+                f"a duration of {duration:.6g} s is wanted; the slowest motion takes {motion.duration:.6g} s, because "
+                "the arm cannot hold still everywhere",
+                remedy="ask for less time, or raise the torque limits",
+            )
+        return motion.delayed(left) if mu_start == 0.0 else motion
+
+    def _capped(self, kappa: float, mu_start: float) -> PhaseTrajectory | None:
+        """The fastest motion with ``mu <= kappa``, or None."""
+        if kappa < max(mu_start, self.mu_end):
+            return None
+        rows = self.rows._replace(x_cap=np.minimum(self.rows.x_cap, kappa**2))
+        sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
+        if controllable_sets(rows, self.mu_end**2, False, NO_PROFILE, sets, counts) >= 0:
+            return None
+        if not any(low <= mu_start**2 <= high for low, high in sets[0, : counts[0]]):
+            return None
+        x, u = np.empty(len(rows.station)), np.empty(len(rows.station) - 1)
+        greedy_profile(rows, sets, counts, mu_start**2, x, u)
+        if np.any((x[:-1] + x[1:] <= 0.0) & (np.diff(rows.station) > 0.0)):
+            return None
+        return PhaseTrajectory.from_profile(rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
+
     def _greedy(self, x_start: float) -> tuple[Array, Array]:
         count = len(self.rows.station)
         x, u = np.empty(count), np.empty(count - 1)
@@ -261,8 +355,45 @@ class PhasePlane:
         return float(edge_speed(self.rows, self.edges, lam))
 
 
+def refined_plane(
+    dynamics: PathDynamics, mu_end: float = 0.0, *, mu_start: float = 0.0, tick: float = 0.0
+) -> PhasePlane:
+    """The phase plane on a grid fine enough: dense sampling finds no limit exceeded by more than 0.1 %.
+
+    Asked of the minimum-time motion and, with a ``tick`` [s], of full speed in ticks, which does not move from station
+    to station. Where one is exceeded the grid is refined; bare arrays are taken as they are.
+
+    Raises:
+        InfeasibleError: No motion keeps the limits, or the limits change too fast for any grid.
+    """
+    if dynamics.arm is None:
+        return PhasePlane(dynamics, mu_end)
+    name = dynamics.arm.name
+    for _ in range(REFINEMENTS):
+        plane = PhasePlane(dynamics, mu_end)
+        motions = [plane.fastest(mu_start)]
+        if tick:
+            ticks = int(1.5 * motions[0].duration / tick) + 2
+            motions.append(plane.motion(np.ones(ticks), np.full(ticks, tick), mu=mu_start))
+        stations = np.concatenate([motion.stations_above(EXCESS) for motion in motions])
+        if not len(stations):
+            return plane
+        dynamics = dynamics.refined(stations)
+    worst = max((motion.certificate for motion in motions), key=lambda certificate: certificate.excess)
+    raise InfeasibleError(
+        f"limits of arm {name!r} change too fast near station {stations[0]:.4g}: exceeded by "
+        f"{100.0 * worst.excess:.2g} % even with {len(dynamics.grid)} stations",
+        remedy="keep the path away from the limits of the arm's reach",
+        station=float(stations[0]),
+        joint=worst.worst_joint,
+    )
+
+
 def minimum_time(dynamics: PathDynamics, mu_start: float = 0.0, mu_end: float = 0.0) -> PhaseTrajectory:
-    """The fastest motion along a path inside its torque and speed limits (Lee1991 problem 1, eqs. 14-16).
+    """The fastest motion along a path inside its torque, speed and acceleration limits (Lee1991 eqs. 14-16).
+
+    Where dense sampling finds a limit exceeded by more than 0.1 % between stations, the grid is refined there: the
+    motion's own ``dynamics`` has the grid in the end. ``PhasePlane(dynamics).fastest()`` is the bare solve.
 
     Args:
         dynamics: Limits along the path.
@@ -272,4 +403,4 @@ def minimum_time(dynamics: PathDynamics, mu_start: float = 0.0, mu_end: float = 
     Raises:
         InfeasibleError: No motion keeps the limits; the message names the station, the joint and the reason.
     """
-    return PhasePlane(dynamics, mu_end).fastest(mu_start)
+    return refined_plane(dynamics, mu_end, mu_start=mu_start).fastest(mu_start)

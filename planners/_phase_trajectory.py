@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners._path_dynamics import PathDynamics
+from armtempo.planners._path_dynamics import PathDynamics, moving
 
 Array = NDArray[np.float64]
 CERTIFY_SAMPLES = 10  # per interval, both ends included
@@ -23,7 +23,8 @@ class MotionCertificate:
 
     Attributes:
         torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
-        speed_ratio_max: Largest mu / speed limit.
+        speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
+        acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
         worst_station: Where the torque ratio is largest [lambda].
         worst_joint: Whose it is.
         end_error: Distance of the last row from the end of the path [lambda].
@@ -32,6 +33,7 @@ class MotionCertificate:
 
     torque_ratio_max: float
     speed_ratio_max: float
+    acceleration_ratio_max: float
     worst_station: float
     worst_joint: int
     end_error: float
@@ -41,6 +43,11 @@ class MotionCertificate:
     def torque_excess(self) -> float:
         """How far the worst torque is above its limit, as a share of it; 0 if it is not."""
         return max(self.torque_ratio_max - 1.0, 0.0)
+
+    @property
+    def excess(self) -> float:
+        """The same for the worst of torque, speed and acceleration."""
+        return max(self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0) - 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,43 +144,65 @@ class PhaseTrajectory:
         speed = np.stack([self.mu[:-1], self.mu[1:]], axis=1)
         return self.dynamics.torque(both, speed, np.repeat(self.mu_dot[:, None], 2, axis=1))
 
-    @cached_property
-    def certificate(self) -> MotionCertificate:
-        """Worst torque and speed ratios by dense sampling inside every interval, and the errors at the end."""
+    def _samples(self) -> tuple[Array, Array, Array]:
+        """``lam``, ``mu``, ``mu_dot`` (N, CERTIFY_SAMPLES) inside every interval."""
         w = np.linspace(0.0, 1.0, CERTIFY_SAMPLES)
         w[0], w[-1] = INSIDE, 1.0 - INSIDE
         lam = self.lam[:-1, None] + w * np.diff(self.lam)[:, None]
         mu = np.sqrt(np.maximum(self.mu[:-1, None] ** 2 + w * np.diff(self.mu**2)[:, None], 0.0))
-        mu_dot = np.broadcast_to(self.mu_dot[:, None], lam.shape)
-        torque = self._inverse_dynamics(lam, mu, mu_dot)
-        grid, dynamics = self.dynamics.grid, self.dynamics
+        return lam, mu, np.broadcast_to(self.mu_dot[:, None], lam.shape)
+
+    @cached_property
+    def _ratios(self) -> tuple[Array, Array, Array]:
+        """Torque / limit (N, K, joints), speed / limit and acceleration / limit (N, K) at the samples."""
+        lam, mu, mu_dot = self._samples()
+        dynamics = self.dynamics
+        grid, joints = dynamics.grid, dynamics.joints
         row = np.clip(np.searchsorted(grid, lam, side="right") - 1, 0, len(grid) - 2)
         way = grid[row + 1] - grid[row]
-        share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)[..., None]
+        share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)
+        cap2 = np.minimum(dynamics.speed_max, 1e9) ** 2
+        speed = mu / np.sqrt(np.maximum((1.0 - share) * cap2[row] + share * cap2[row + 1], 1e-300))
         low, high = (
-            (1.0 - share) * rows[row] + share * rows[row + 1] for rows in (dynamics.torque_min, dynamics.torque_max)
+            (1.0 - share[..., None]) * rows[row, :joints] + share[..., None] * rows[row + 1, :joints]
+            for rows in (dynamics.torque_min, dynamics.torque_max)
         )
         both = np.isfinite(low) & np.isfinite(high)
         middle = 0.5 * np.add(low, high, out=np.zeros_like(low), where=both)  # a missing limit is no limit
         half = np.subtract(high, middle, out=np.full_like(low, np.inf), where=np.isfinite(high))
         below = np.subtract(middle, low, out=np.full_like(low, np.inf), where=np.isfinite(low))
+        arm, path = dynamics.arm, dynamics.path
+        acceleration = np.zeros_like(lam)
+        if arm is None or path is None:
+            torque = dynamics.torque(lam, mu, mu_dot)
+        else:  # from the robot model, not from the rows that the planner used
+            q, dq, ddq = path.evaluate(lam)
+            qd, qdd = dq * mu[..., None], ddq * mu[..., None] ** 2 + dq * mu_dot[..., None]
+            torque = arm.inverse_dynamics(q, qd, qdd, friction=False)
+            torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, moving(dq), 0.0)
+            speed = np.maximum(speed, (np.abs(qd) / arm.speed_max).max(axis=-1))
+            acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
         ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
-        worst = np.unravel_index(int(ratio.argmax()), ratio.shape)
-        cap = np.maximum(dynamics.speed_max[row], dynamics.speed_max[row + 1])
+        ratio[np.diff(self.time) <= 0.0] = 0.0  # two rows of one instant, where coefficients jump: neighbours tell
+        return ratio, speed, acceleration
+
+    @cached_property
+    def certificate(self) -> MotionCertificate:
+        """Worst ratios by dense sampling inside every interval, and the errors at the end."""
+        torque, speed, acceleration = self._ratios
+        worst = np.unravel_index(int(torque.argmax()), torque.shape)
         return MotionCertificate(
-            torque_ratio_max=float(ratio[worst]),
-            speed_ratio_max=float(np.max(mu / np.maximum(cap, 1e-300))),
-            worst_station=float(lam[worst[0], worst[1]]),
+            torque_ratio_max=float(torque[worst]),
+            speed_ratio_max=float(speed.max()),
+            acceleration_ratio_max=float(acceleration.max()),
+            worst_station=float(self._samples()[0][worst[0], worst[1]]),
             worst_joint=int(worst[2]),
-            end_error=float(abs(self.lam[-1] - dynamics.length)),
+            end_error=float(abs(self.lam[-1] - self.dynamics.length)),
             end_speed_error=float(abs(self.mu[-1] - self.mu_end)),
         )
 
-    def _inverse_dynamics(self, lam: Array, mu: Array, mu_dot: Array) -> Array:
-        """Torques (..., n) from the robot model where there is one, not from the rows that the planner used."""
-        arm, path = self.dynamics.arm, self.dynamics.path
-        if arm is None or path is None:
-            return self.dynamics.torque(lam, mu, mu_dot)
-        q, dq, ddq = path.evaluate(lam)
-        speed, acceleration = mu[..., None], mu_dot[..., None]
-        return arm.inverse_dynamics(q, dq * speed, ddq * speed**2 + dq * acceleration)
+    def stations_above(self, tolerance: float) -> Array:
+        """The sampled stations at which a torque, speed or acceleration exceeds its limit by more than that share."""
+        torque, speed, acceleration = self._ratios
+        worst = np.maximum(np.maximum(torque.max(axis=2), speed), acceleration)
+        return np.asarray(self._samples()[0][worst > 1.0 + tolerance])

@@ -29,7 +29,7 @@ class SplinePath(JointPath):
         self._spline = CubicSpline(np.linspace(0.0, 1.0, len(knots)), knots, bc_type="natural")
         self.length = 1.0
         self.dof = knots.shape[1]
-        self.breakpoints = np.array([0.0, 1.0])
+        self.breakpoints = np.linspace(0.0, 1.0, len(knots))
 
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Floats, Floats, Floats]:
         lam = np.asarray(lam, dtype=np.float64)

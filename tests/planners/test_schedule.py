@@ -29,7 +29,7 @@ def test_makespans_of_the_paper(plans: dict[str, Schedule], lee1991: Cell) -> No
     assert plans["sequential"].makespan == pytest.approx(lee1991.sequential_makespan)
     assert plans["delay"].makespan == pytest.approx(0.328, abs=0.002)
     assert plans["optimal"].makespan == pytest.approx(0.328, abs=0.002)
-    assert plans["optimal"].makespan == plans["delay"].makespan
+    assert plans["optimal"].makespan == pytest.approx(plans["delay"].makespan, rel=1e-12)  # the cell is a mirror image
     assert plans["delay"].makespan <= plans["vci"].makespan <= 0.352
     for slow in ("constant-speed", "constant-acceleration"):
         assert plans["vci"].makespan < plans[slow].makespan < plans["sequential"].makespan
