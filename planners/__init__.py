@@ -14,6 +14,7 @@ from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl
 from armtempo.planners._waypoint_file import read_waypoints
@@ -27,6 +28,7 @@ __all__ = [
     "ClearanceTable",
     "CoordinationChart",
     "JointPath",
+    "JointTrajectory",
     "Line",
     "Mode",
     "MotionCertificate",
@@ -48,7 +50,9 @@ __all__ = [
     "minimum_time",
     "path_point",
     "phase_kernels",
+    "read_trajectory",
     "read_waypoints",
     "schedule",
     "tabulated_clearance",
+    "write_trajectory",
 ]
