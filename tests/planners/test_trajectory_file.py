@@ -133,7 +133,8 @@ def test_what_cannot_be_exported_is_named(lee1991: Cell, tmp_path: Path) -> None
         ("a.json", "{}", ["give exactly the keys"]),
         (
             "a.json",
-            '{"joints": ["a"], "time_s": [0], "q_rad": [["x"]], "qd_rad_s": [[0]], "qdd_rad_s2": [[0]], "torque_nm": [[0]]}',
+            '{"joints": ["a"], "time_s": [0], "q_rad": [["x"]], "qd_rad_s": [[0]], "qdd_rad_s2": [[0]], '
+            '"torque_nm": [[0]]}',
             ["q is no table of numbers"],
         ),
     ],

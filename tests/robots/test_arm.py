@@ -178,9 +178,7 @@ def test_dynamics_and_kinematics_match_pybullet(robot: tuple[Path, str | None], 
             np.testing.assert_allclose(T[:3, :3], R, atol=2e-6)
 
 
-@pytest.mark.parametrize(
-    "robot", ["planar", "iiwa", "slider", "ur5e", "xarm"], indirect=True
-)  # the Panda's fingers would move
+@pytest.mark.parametrize("robot", ["planar", "iiwa", "slider", "ur5e"], indirect=True)  # the Panda's fingers would move
 def test_torques_drive_pybullets_simulation(robot: tuple[Path, str | None], client: int) -> None:
     urdf, _ = robot
     base = pose((0.3, -0.2, 0.1), (0.4, 0.2, -0.7))
