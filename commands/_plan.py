@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -19,6 +21,9 @@ def plan(
     control_period: Annotated[
         float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: the cell's)")
     ] = None,
+    export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: none)")] = None,
+    period: Annotated[float, tyro.conf.arg(metavar="S")] = 0.001,
+    export_format: Literal["csv", "json"] = "csv",
     json_file: JsonFile = None,
 ) -> None:
     """Plan when every arm of a cell moves, by several methods, and compare them. Nothing is simulated.
@@ -27,10 +32,15 @@ def plan(
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
         methods: Planning methods: sequential, constant-speed, constant-acceleration, delay, vci, optimal.
         control_period: Step of vci in seconds: the time for which one of its commands holds.
+        export: Write the motion of every arm by every method to this folder, as METHOD-ARM.csv: time_s, q_rad,
+            qd_rad_s, qdd_rad_s2 and torque_nm of every joint.
+        period: Time between the rows of exported motions in seconds; the last row is exactly at the end.
+        export_format: What exported motions are written as: csv or json.
         json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
     """
     output = Output(json_file)
-    _check_period(control_period)
+    _check_period("--control-period", control_period, "0.004")
+    _check_period("--period", period, "0.001")
     built = open_cell(cell, output)
     schedules, refusals, seconds = plan_all(built, methods, output, period=control_period)
     with output.progress("Certifying", len(schedules)) as (progress, task):
@@ -75,6 +85,7 @@ def plan(
         from armtempo.commands._output import shown
 
         output.say(f"[red]{name} has no plan:[/] {shown(refusal)}")
+    files = [] if export is None else _export(built, schedules, export, period, export_format, output)
     output.json(
         {
             "cell": built.name,
@@ -83,12 +94,13 @@ def plan(
             "d_min_m": built.d_min,
             "clearance_reserve_m": built.config.clearance_reserve_m,
             "control_period_s": built.control_period if control_period is None else control_period,
+            "exported": [str(file) for file in files],
             "methods": {**entries, **{name: {"error": refusal} for name, refusal in refusals.items()}},
         }
     )
 
 
-def _check_period(period: float | None) -> None:
+def _check_period(option: str, period: float | None, example: str) -> None:
     """Refuse a period that is no step, before anything is computed.
 
     Raises:
@@ -99,9 +111,25 @@ def _check_period(period: float | None) -> None:
     from armtempo.errors import InfeasibleError
 
     if period is not None and not (math.isfinite(period) and period > 0.0):
-        raise InfeasibleError(
-            f"--control-period must be a positive number of seconds, got {period}", remedy="try 0.004"
-        )
+        raise InfeasibleError(f"{option} must be a positive number of seconds, got {period}", remedy=f"try {example}")
+
+
+def _export(
+    cell: Cell, schedules: dict[str, Schedule], folder: Path, period: float, suffix: str, output: Output
+) -> list[Path]:
+    """Write one file per method and arm; the files."""
+    from armtempo.commands._output import shown
+    from armtempo.planners import write_trajectory
+
+    files = []
+    with output.progress("Exporting", len(schedules) * len(cell.arms)) as (progress, task):
+        for name, schedule in schedules.items():
+            for arm, motion in zip(cell.arms, schedule.trajectories, strict=True):
+                files.append(folder / f"{name}-{arm.name}.{suffix}")
+                write_trajectory(files[-1], motion, period)
+                progress.advance(task)
+    output.say(f"Motions every {period:g} s in {shown(folder)}{os.sep}: {', '.join(file.name for file in files)}")
+    return files
 
 
 def _entry(cell: Cell, schedule: Schedule, seconds: float) -> dict[str, Any]:

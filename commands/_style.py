@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from armtempo.commands._output import whole_file
+from armtempo.files import whole_file
 
 DPI = 150
 INK, MUTED, FAINT = "#222222", "#6B6B6B", "#D9D9D9"

@@ -8,6 +8,7 @@ from armtempo.configs._load import (
     load_cell_config,
     parse_cell_config,
     resolve_file,
+    robot_config,
 )
 from armtempo.configs._schema import (
     ArcConfig,
@@ -23,6 +24,7 @@ from armtempo.configs._schema import (
     ObstacleConfig,
     PathConfig,
     PoseConfig,
+    RobotConfig,
     SegmentConfig,
     SphereConfig,
     ToolConfig,
@@ -42,6 +44,7 @@ __all__ = [
     "ObstacleConfig",
     "PathConfig",
     "PoseConfig",
+    "RobotConfig",
     "SegmentConfig",
     "SphereConfig",
     "ToolConfig",
@@ -50,4 +53,5 @@ __all__ = [
     "load_cell_config",
     "parse_cell_config",
     "resolve_file",
+    "robot_config",
 ]

@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable, Mapping
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.configs._schema import CellConfig
+from armtempo.configs._schema import CellConfig, RobotConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
 _DATA = Path(__file__).parent
 _SUFFIXES = (".yaml", ".yml")
+_PYBULLET = "pybullet_data/"
 _LATER_KINDS = ("blend", "ik")
 # pydantic's words and ours, which are those of YAML
 _WORDING = (
@@ -106,21 +108,26 @@ def parse_cell_config(data: object, source: Path) -> CellConfig:
 
 
 def resolve_file(config: CellConfig, name: str) -> Path:
-    """Find a file that a cell names: next to the cell file first, else among the bundled robots.
+    """Find a file that a cell names: next to the cell file first, else among the bundled robots or PyBullet's data.
 
     Args:
         config: The cell.
-        name: An absolute path, a path from the cell file's folder, or a bundled robot's file name.
+        name: An absolute path, a path from the cell file's folder, a bundled robot's file name, or
+            ``pybullet_data/`` and a path in the data that comes with PyBullet.
 
     Raises:
-        ConfigError: It is in neither place.
+        ConfigError: It is in none of these places.
     """
     beside = config.source.parent / Path(name).expanduser()
-    bundled = _DATA / "robots" / name
-    for path in (beside, bundled):
+    places = [beside, _DATA / "robots" / name]
+    if name.startswith(_PYBULLET):
+        import pybullet_data
+
+        places.append(Path(pybullet_data.getDataPath()) / name.removeprefix(_PYBULLET))
+    for path in places:
         if path.is_file():
             return path.resolve()
-    robots = sorted(path.name for path in (_DATA / "robots").glob("*.urdf"))
+    robots = sorted({path.name for path in (_DATA / "robots").glob("*.urdf")} | set(_datasheets()))
     raise ConfigError(
         f"{config.source}: no file {name!r}: looked for {beside}",
         remedy=f"{_closest(name, robots)}give a path from the cell file, or a bundled robot: {', '.join(robots)}",
@@ -128,6 +135,22 @@ def resolve_file(config: CellConfig, name: str) -> Path:
         key="",
         value=name,
     )
+
+
+def robot_config(urdf: str) -> RobotConfig | None:
+    """What the bundled data sheets say of a robot, None if nothing.
+
+    Args:
+        urdf: The name that a cell gives as ``urdf``, such as ``"pybullet_data/franka_panda/panda.urdf"``.
+    """
+    return _datasheets().get(urdf)
+
+
+@cache
+def _datasheets() -> dict[str, RobotConfig]:
+    path = data_path("robots/datasheets.yaml")
+    data = _parse_yaml(path.read_text(encoding="utf-8"), path)
+    return TypeAdapter(dict[str, RobotConfig]).validate_python(data)
 
 
 def _cell_path(name_or_path: str | Path) -> Path:

@@ -34,6 +34,7 @@ Positive = Annotated[Real, Field(gt=0)]
 NonNegative = Annotated[Real, Field(ge=0)]
 Point = tuple[Real, Real, Real]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
+CellTitle = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$")]
 ZERO: Point = (0.0, 0.0, 0.0)
 
 
@@ -169,12 +170,58 @@ class SegmentConfig(_Model):
 
 
 class PathConfig(_Model):
-    """Where an arm's working point goes: a start and the pieces after it."""
+    """Where an arm goes: lines and arcs of its working point, or waypoints of its joints."""
 
-    start_m: Point
+    start_m: Point | None = None
     """First point [m], world frame."""
-    segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)]
+    waypoints_rad: Annotated[tuple[tuple[Real, ...], ...], Field(min_length=2)] | None = None
+    """Joint positions [rad] (prismatic joints: [m]), one row per waypoint, one value per joint from the base on."""
+    waypoints_file: str | None = None
+    """CSV or JSON file of waypoints, a path from the cell file; columns may be named after the joints."""
+    segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)] | None = Field(
+        default_factory=lambda: None  # no default value: it is not one of the kinds to choose from
+    )
     """Pieces in order; each begins where the one before ended."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        kind = _exactly_one(self, "a path")
+        if kind == "start_m" and self.segments is None:
+            raise ValueError("segments: missing; a path that starts at start_m goes on in lines and arcs")
+        if kind != "start_m" and self.segments is not None:
+            raise ValueError(f"segments: belong to start_m, not to {kind}")
+        return self
+
+
+Entries = TypeVar("Entries", LimitsConfig, FrictionConfig)
+
+
+def _over(cell: Entries, sheet: Entries) -> Entries:
+    """``cell``'s values, where it is null joint by joint the data sheet's."""
+    merged: dict[str, Any] = {}
+    for key in type(cell).model_fields:
+        own, other = getattr(cell, key), getattr(sheet, key)
+        if own is not None and other is not None and len(own) == len(other):
+            own = tuple(o if c is None else c for c, o in zip(own, other, strict=True))
+        merged[key] = other if own is None else own
+    return type(cell)(**merged)
+
+
+class RobotConfig(_Model):
+    """What a robot's data sheet says beyond its URDF; cells may replace any of it."""
+
+    source: str
+    """Where the numbers are from."""
+    tip_link: str | None = None
+    """Link that carries the tool, where the URDF branches."""
+    limits: LimitsConfig = LimitsConfig()
+    """Limits instead of the URDF's."""
+    friction: FrictionConfig = FrictionConfig()
+    """Friction instead of the URDF's."""
+    ignored_pairs: tuple[tuple[str, str], ...] = ()
+    """Pairs of links that are not looked at for self-collision."""
+    unphysical_inertia: Literal["refuse", "point-mass"] = "refuse"
+    """Links with moments of inertia that no body can have: an error, or taken for a point mass as PyBullet does."""
 
 
 class ArmConfig(_Model):
@@ -183,7 +230,7 @@ class ArmConfig(_Model):
     name: Name
     """Short name, unique in the cell; tables and errors use it."""
     urdf: str
-    """URDF file: a path from the cell file, else the name of a bundled robot."""
+    """URDF file: a path from the cell file, a bundled robot's name, or ``pybullet_data/...`` for one of PyBullet's."""
     base: PoseConfig = PoseConfig()
     """Pose of the URDF's root link in the world."""
     elbow: Literal["negative", "positive"] | None = None
@@ -196,8 +243,23 @@ class ArmConfig(_Model):
     """Limits instead of the URDF's."""
     friction: FrictionConfig = FrictionConfig()
     """Friction instead of the URDF's."""
+    ignored_pairs: tuple[tuple[str, str], ...] = ()
+    """Pairs of links that are not looked at for self-collision: those that touch by design."""
     path: PathConfig
     """The given path."""
+
+    def over(self, sheet: RobotConfig | None) -> ArmConfig:
+        """This arm, and what it leaves open from its robot's data sheet."""
+        if sheet is None:
+            return self
+        return self.model_copy(
+            update={
+                "tip_link": self.tip_link or sheet.tip_link,
+                "limits": _over(self.limits, sheet.limits),
+                "friction": _over(self.friction, sheet.friction),
+                "ignored_pairs": (*sheet.ignored_pairs, *self.ignored_pairs),
+            }
+        )
 
 
 class BoxConfig(_Model):
@@ -271,7 +333,7 @@ class CellConfig(_Model):
 
     kind: Literal["coordination"]
     """What the cell is for."""
-    name: Name
+    name: CellTitle
     """Name of the cell."""
     description: str = ""
     """What the cell shows, for `armtempo cells`."""
@@ -287,8 +349,10 @@ class CellConfig(_Model):
     """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
     stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000
     """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
-    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] = 0.0004
-    """Side of the smallest cell of a coordination chart [m]; a chart has at most 4096 cells along each side."""
+    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] | None = None
+    """Side of the smallest cell of a coordination chart [m], at most 4096 cells along each side; null: 0.0004 m."""
+    chart_cells: Annotated[int, Field(ge=16, le=4096, strict=True)] | None = None
+    """Instead: cells along each side, a power of two; null: 1024 where a path goes through joint waypoints."""
     arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
     """The arms in priority order: the first is the master."""
     obstacles: tuple[ObstacleConfig, ...] = ()
@@ -308,6 +372,15 @@ class CellConfig(_Model):
         """The file this came from; file names in the cell are relative to its folder."""
         return self._source
 
+    def chart_tolerance(self, longest: float) -> float:
+        """Side of the smallest cell of a chart [lambda], the longer of its two paths being ``longest``."""
+        cells = self.chart_cells
+        if cells is None and any(arm.path.start_m is None for arm in self.arms):
+            cells = 1024
+        if cells is not None:
+            return longest / cells * (1.0 + 1e-9)  # so that rounding does not double the cells
+        return 0.0004 if self.chart_tolerance_m is None else self.chart_tolerance_m
+
     @property
     def ticks_per_period(self) -> int:
         """Simulation steps between two decisions."""
@@ -321,6 +394,19 @@ class CellConfig(_Model):
         if twice:
             raise ValueError(f"each needs a name of its own; used twice: {', '.join(twice)}")
         return bodies
+
+    @model_validator(mode="after")
+    def _one_chart_size(self) -> Self:
+        if self.chart_cells is not None and self.chart_cells & (self.chart_cells - 1):
+            raise ValueError(f"chart_cells: must be a power of two, got {self.chart_cells}")
+        if self.chart_tolerance_m is not None:
+            if self.chart_cells is not None:
+                raise ValueError("chart_cells: give it or chart_tolerance_m, not both")
+            if any(arm.path.start_m is None for arm in self.arms):
+                raise ValueError(
+                    "chart_tolerance_m: paths through joint waypoints are not measured in metres; give chart_cells"
+                )
+        return self
 
     @model_validator(mode="after")
     def _period_is_whole_ticks(self) -> Self:

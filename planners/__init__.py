@@ -15,6 +15,7 @@ from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagn
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl
 from armtempo.planners._waypoint_file import read_waypoints
@@ -29,6 +30,7 @@ __all__ = [
     "CoordinationChart",
     "Island",
     "JointPath",
+    "JointTrajectory",
     "Line",
     "Mode",
     "MotionCertificate",
@@ -53,7 +55,9 @@ __all__ = [
     "path_point",
     "phase_kernels",
     "refined_plane",
+    "read_trajectory",
     "read_waypoints",
     "schedule",
     "tabulated_clearance",
+    "write_trajectory",
 ]

@@ -17,6 +17,7 @@ from armtempo.configs import (
     SegmentConfig,
     load_cell_config,
     resolve_file,
+    robot_config,
 )
 from armtempo.errors import ArmtempoError, CollisionError, ConfigError, PathError
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
@@ -52,7 +53,7 @@ def build_cell(config: CellConfig) -> Cell:
         try:
             arm = _build_arm(config, arm_config)
             place += ".path"
-            path = _build_path(arm, arm_config)
+            path = _build_path(arm, config, arm_config)
             dynamics = PathDynamics.from_path(
                 arm, path, intervals=config.stations, torque_reserve=config.torque_reserve
             )
@@ -102,6 +103,8 @@ def _transform(pose: PoseConfig) -> Array:
 
 
 def _build_arm(config: CellConfig, arm: ArmConfig) -> Arm:
+    sheet = robot_config(arm.urdf)
+    arm = arm.over(sheet)
     tool = None
     if arm.tool is not None:
         # The file gives the body in the tip link's frame; a Tool holds it in its own.
@@ -129,6 +132,8 @@ def _build_arm(config: CellConfig, arm: ArmConfig) -> Arm:
         acceleration_max=arm.limits.acceleration_rad_s2,
         damping=arm.friction.viscous_nm_s_rad,
         coulomb=arm.friction.coulomb_nm,
+        unphysical_inertia="refuse" if sheet is None else sheet.unphysical_inertia,
+        ignored_pairs=arm.ignored_pairs,
     )
 
 
@@ -141,10 +146,15 @@ def _build_segment(start: Array, config: SegmentConfig) -> Line | Arc:
     return Arc(start, np.array(geometry.to_m), np.array(geometry.center_m), normal)
 
 
-def _build_path(arm: Arm, config: ArmConfig) -> JointPath:
+def _build_path(arm: Arm, cell: CellConfig, config: ArmConfig) -> JointPath:
+    given = config.path
+    if given.waypoints_rad is not None:
+        return JointPath.through(given.waypoints_rad, arm=arm)
+    if given.waypoints_file is not None:
+        return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm)
     segments: list[Line | Arc] = []
-    start = np.array(config.path.start_m)
-    for k, segment in enumerate(config.path.segments):
+    start = np.array(given.start_m)
+    for k, segment in enumerate(given.segments or ()):
         try:
             segments.append(_build_segment(start, segment))
         except ArmtempoError as error:

@@ -90,7 +90,12 @@ class Cell:
 
     def _chart(self, d_min: float) -> CoordinationChart:
         return CoordinationChart.build(
-            self.arms[0], self.paths[0], self.arms[1], self.paths[1], d_min, self.config.chart_tolerance_m
+            self.arms[0],
+            self.paths[0],
+            self.arms[1],
+            self.paths[1],
+            d_min,
+            self.config.chart_tolerance(max(path.length for path in self.paths[:2])),
         )
 
     @cached_property
@@ -173,7 +178,7 @@ class Cell:
                     continue
                 if nearest.distance < required or cells >= smallest:
                     raise CollisionError(
-                        f"path of arm {arm.name!r} comes too close to {what} at station {station:.4g} m: "
+                        f"path of arm {arm.name!r} comes too close to {what} at station {station:.4g} {path.unit}: "
                         f"{nearest.body_a} and {nearest.body_b} are {nearest.distance:.4g} m apart, "
                         f"{required:.4g} m are required",
                         remedy="move the path or the obstacle, or lower d_min_m",

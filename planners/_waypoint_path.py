@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.errors import InputError, PathError
 from armtempo.planners._joint_path import JointPath
-from armtempo.robots import Arm
+from armtempo.robots import Arm, njit
 
 Array = NDArray[np.float64]
 Ends = Literal["natural", "not-a-knot"]
@@ -28,6 +28,19 @@ Spacing = Literal["chord", "centripetal"]
 ROUNDING = 1e-12  # share by which bounds are widened
 POSITION_TOLERANCE = 1e-9  # rad or m
 REPEATED = 1e-9  # waypoints nearer than this [rad] are the same
+
+
+@njit
+def _evaluate(knots: Array, c: Array, lam: Array, q: Array, dq: Array, ddq: Array) -> None:
+    """Cubics c (4, K - 1, n), highest power first, and their derivatives at lam (N,), each into (N, n)."""
+    for k in range(lam.shape[0]):
+        i = min(max(np.searchsorted(knots, lam[k], side="right") - 1, 0), knots.shape[0] - 2)
+        x = lam[k] - knots[i]
+        for j in range(q.shape[1]):
+            c3, c2, c1, c0 = c[0, i, j], c[1, i, j], c[2, i, j], c[3, i, j]
+            q[k, j] = ((c3 * x + c2) * x + c1) * x + c0
+            dq[k, j] = (3.0 * c3 * x + 2.0 * c2) * x + c1
+            ddq[k, j] = 6.0 * c3 * x + 2.0 * c2
 
 
 @final
@@ -87,8 +100,11 @@ class WaypointPath(JointPath):
 
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
         """``f``, ``f'``, ``f''`` at ``lam``, each (..., n); all are continuous, so ``before`` changes nothing."""
-        lam = np.asarray(lam, dtype=np.float64)
-        return self._position(lam), self._speed(lam), self._bend(lam)
+        stations = np.array(lam, dtype=np.float64)
+        q, dq, ddq = np.empty((3, stations.size, self.dof))
+        _evaluate(self.breakpoints, self._position.c, stations.reshape(-1), q, dq, ddq)
+        shape = (*stations.shape, self.dof)
+        return q.reshape(shape), dq.reshape(shape), ddq.reshape(shape)
 
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
         """The largest ``|f'|`` over [low, high], (..., n): at an end, at a knot, or where ``f''`` vanishes."""

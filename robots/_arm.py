@@ -14,7 +14,7 @@ from armtempo.errors import RobotError
 from armtempo.robots import kernels
 from armtempo.robots._model import ArmModel, Capsules, Floats
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
-from armtempo.robots._urdf import ChainJoint, merge_inertia, read_urdf
+from armtempo.robots._urdf import ChainJoint, Unphysical, merge_inertia, read_urdf
 
 __all__ = ["Arm", "Tool"]
 
@@ -97,6 +97,8 @@ class Arm:
     coulomb: Floats
     """(n,) Coulomb friction, against the motion whatever its speed [N m or N]."""
     shapes: tuple[Shape, ...]
+    ignored_pairs: tuple[tuple[str, str], ...]
+    """Names of links whose collision with each other is not looked at."""
     model: ArmModel
     capsules: Capsules
     T_link_tip: Floats
@@ -118,6 +120,8 @@ class Arm:
         acceleration_max: Sequence[float | None] | Floats | None = None,
         damping: Sequence[float | None] | Floats | None = None,
         coulomb: Sequence[float | None] | Floats | None = None,
+        unphysical_inertia: Unphysical = "refuse",
+        ignored_pairs: Sequence[tuple[str, str]] = (),
     ) -> Arm:
         """Read the serial chain from the URDF's root to ``tip_link``.
 
@@ -134,12 +138,15 @@ class Arm:
             acceleration_max: (n,) [rad/s^2 or m/s^2]; None entries are no limit.
             damping: (n,) viscous friction in place of the URDF's <dynamics damping> [N m s/rad or N s/m]; likewise.
             coulomb: (n,) Coulomb friction in place of the URDF's <dynamics friction> [N m or N]; likewise.
+            unphysical_inertia: Links whose moments of inertia no body can have (some published URDFs hold them) are
+                refused, or taken for a ``point-mass`` at their centre, which is what PyBullet simulates; logged.
+            ignored_pairs: Pairs of URDF links that are not looked at for self-collision (an SRDF's disabled pairs).
 
         Raises:
             RobotError: names file, element and remedy.
         """
         file = Path(urdf)
-        chain = read_urdf(file, tip_link)
+        chain = read_urdf(file, tip_link, unphysical_inertia)
         joints = chain.joints
         n = len(joints)
         T_base = np.eye(4) if T_world_base is None else np.asarray(T_world_base, dtype=np.float64)
@@ -170,6 +177,15 @@ class Arm:
             if tool.hull is not None:
                 shapes.append(make_shape("convex", (), T_tip, link=n - 1, link_name="tool", vertices=tool.hull))
 
+        known = {shape.link_name for shape in shapes}
+        for name_of_link in (link for pair in ignored_pairs for link in pair):
+            if name_of_link not in known:
+                raise RobotError(
+                    f"{file}: ignored_pairs: no link {name_of_link!r} with a collision shape",
+                    remedy=f"links: {', '.join(sorted(known))}",
+                    file=str(file),
+                    element=name_of_link,
+                )
         prismatic = np.array([joint.type == "prismatic" for joint in joints])
         prismatic.setflags(write=False)
         model = ArmModel(
@@ -204,6 +220,7 @@ class Arm:
             damping=viscous,
             coulomb=dry,
             shapes=tuple(shapes),
+            ignored_pairs=tuple((a, b) for a, b in ignored_pairs),
             model=model,
             capsules=pack(shapes),
             T_link_tip=_frozen(T_tip),

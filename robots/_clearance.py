@@ -6,6 +6,7 @@ hulls, one pair at a time, fresh results. Never BVH models, managers, signed dis
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable, Sequence
 from itertools import combinations, product
@@ -14,6 +15,7 @@ from typing import NamedTuple, NoReturn
 import fcl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
 
 from armtempo.errors import RobotError
 from armtempo.robots._arm import Arm
@@ -23,6 +25,9 @@ from armtempo.robots._shapes import Shape
 from armtempo.robots.kernels import segment_distance
 
 __all__ = ["Clearance", "Nearest", "shape_distance"]
+
+SELF_SAMPLES = 64
+_LOG = logging.getLogger("armtempo")
 
 
 class Nearest(NamedTuple):
@@ -199,10 +204,43 @@ class Clearance:
         couples = combinations(range(len(arms)), 2)
         self._all = self._query(range(len(arms)), (p for i, j in couples for p in product(self._of(i), self._of(j))))
         self._to_obstacles = [self._query((i,), product(self._of(i), self._of(-1))) for i in range(len(arms))]
-        self._self = [
-            self._query((i,), (p for p in combinations(self._of(i), 2) if abs(self._link[p[0]] - self._link[p[1]]) > 1))
-            for i in range(len(arms))
-        ]
+        self._ignored: list[tuple[tuple[str, str], ...]] = []
+        self._self = []
+        for i, arm in enumerate(arms):
+            pairs = [p for p in combinations(self._of(i), 2) if abs(self._link[p[0]] - self._link[p[1]]) > 1]
+            named = {frozenset(pair) for pair in arm.ignored_pairs}
+            asked = [p for p in pairs if frozenset(shapes[k].link_name for k in p) not in named]
+            always = self._always_touching(i, arm, asked)
+            self._self.append(self._query((i,), (p for p in asked if p not in always)))
+            ignored = [p for p in pairs if p in always or p not in asked]
+            self._ignored.append(tuple((self.names[a], self.names[b]) for a, b in ignored))
+            for a, b in always:
+                _LOG.info("%s and %s touch wherever the joints are: left out", self.names[a], self.names[b])
+
+    def _always_touching(self, i: int, arm: Arm, pairs: list[tuple[int, int]]) -> set[tuple[int, int]]:
+        """Pairs that touch in the middle of the joints' ranges and at samples all over them.
+
+        Hulls are fatter than links: such a pair says nothing of the arm, and could never be certified.
+        """
+        low, high = np.maximum(arm.position_min, -math.pi), np.minimum(arm.position_max, math.pi)
+        samples = qmc.Halton(arm.dof, scramble=False).random(SELF_SAMPLES)
+        touching = list(pairs)
+        for share in (np.full(arm.dof, 0.5), *samples):
+            if not touching:
+                break
+            self._set(i, low + share * (high - low))
+            query = self._query((i,), touching)
+            self._bound(query)
+            kept = []
+            for pair, bound in zip(touching, query.bounds, strict=True):
+                if bound <= 0.0:
+                    for shape in pair:
+                        self._move(shape)
+                    tolerance = max(self._tolerance[k] for k in pair)
+                    if _fcl_distance(self._bodies[pair[0]], self._bodies[pair[1]], tolerance, float(bound)) <= 0.0:
+                        kept.append(pair)
+            touching = kept
+        return set(touching)
 
     def _of(self, owner: int) -> list[int]:
         return [k for k, other in enumerate(self._owner) if other == owner]
@@ -239,13 +277,17 @@ class Clearance:
         return self._nearest(self._to_obstacles[i], cutoff)
 
     def self_collision(self, i: int, q: ArrayLike, cutoff: float = math.inf) -> Nearest:
-        """Clearance between links of arm i that no joint joins directly. Otherwise as ``between``."""
+        """Clearance between links of arm i that no joint joins directly, but for ``ignored_pairs``; as ``between``."""
         self._set(i, q)
         return self._nearest(self._self[i], cutoff)
 
     def self_pairs(self, i: int) -> int:
         """Number of pairs of shapes that ``self_collision`` looks at for arm i."""
         return len(self._self[i].pairs)
+
+    def ignored_pairs(self, i: int) -> tuple[tuple[str, str], ...]:
+        """Pairs of bodies of arm i that ``self_collision`` leaves out: named by the arm, or always touching."""
+        return self._ignored[i]
 
     def _unknown(self, arms: tuple[int, ...]) -> NoReturn:
         raise RobotError(f"no arms {arms}", remedy=f"give two different numbers from 0 to {len(self._q_of) - 1}")
@@ -262,20 +304,23 @@ class Clearance:
             )
         self._q_of[i][:] = array
 
-    def _nearest(self, query: _Query, cutoff: float) -> Nearest:
-        movers, pairs, bounds = query
-        first = _bounds(
-            movers,
+    def _bound(self, query: _Query) -> int:
+        return _bounds(
+            query.movers,
             self._first,
             self._joints,
             self._q,
             self._frame,
             self._capsules,
-            pairs,
+            query.pairs,
             self._frames,
             self._axes,
-            bounds,
+            query.bounds,
         )
+
+    def _nearest(self, query: _Query, cutoff: float) -> Nearest:
+        _, pairs, bounds = query
+        first = self._bound(query)
         if first < 0:
             if first == -2:
                 raise RobotError("joint positions are not finite", remedy="give finite numbers", element="q")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 import os
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final, Literal, NoReturn
 
 import numpy as np
 import yourdfpy
@@ -18,9 +19,11 @@ from armtempo.errors import RobotError
 from armtempo.robots._model import Floats
 from armtempo.robots._shapes import Shape, load_mesh, make_shape
 
-__all__ = ["Body", "Chain", "ChainJoint", "merge_inertia", "read_urdf"]
+__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "merge_inertia", "read_urdf"]
 
 MOVABLE: Final = ("revolute", "continuous", "prismatic")
+Unphysical = Literal["refuse", "point-mass"]
+_LOG = logging.getLogger("armtempo")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -72,17 +75,18 @@ def merge_inertia(bodies: list[tuple[float, Floats, Floats]]) -> Body:
     return Body(mass=mass, com=com, inertia=inertia)
 
 
-def read_urdf(file: Path, tip_link: str | None) -> Chain:
+def read_urdf(file: Path, tip_link: str | None, unphysical_inertia: Unphysical = "refuse") -> Chain:
     """Parse ``file`` and follow the chain from its root to ``tip_link`` (default: the only leaf).
 
     Movable joints off the chain are held at zero. Raises RobotError naming the file, the element and the remedy.
     """
-    return _Reader(file).chain(tip_link)
+    return _Reader(file, unphysical_inertia).chain(tip_link)
 
 
 class _Reader:
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, unphysical_inertia: Unphysical) -> None:
         self.file = file
+        self.unphysical_inertia = unphysical_inertia
         robot, self.capsules, self.visible = self._parse()
         self.robot = robot
         self.links = {link.name: link for link in robot.links}
@@ -232,11 +236,14 @@ class _Reader:
         if moments[0] < -1e-12:
             self.fail(f"link {name!r}", "has a negative mass or inertia", "give physical values")
         if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
-            # PyBullet would replace it by zero with no more than a warning, and simulate another arm.
-            problem = (
-                f"has principal moments of inertia {np.array2string(moments, precision=4)}, which no body can have"
-            )
-            self.fail(f"link {name!r}", problem, "the largest may not exceed the sum of the others")
+            # PyBullet replaces it by zero with no more than a warning, and simulates another arm.
+            listed = np.array2string(moments, precision=4)
+            problem = f"has principal moments of inertia {listed}, which no body can have"
+            if self.unphysical_inertia == "refuse":
+                remedy = "the largest may not exceed the sum of the others; mend it, or allow unphysical_inertia"
+                self.fail(f"link {name!r}", problem, remedy)
+            _LOG.info("%s: link %r %s; it is taken for a point mass, as PyBullet does", self.file, name, problem)
+            inertia = np.zeros((3, 3))
         T = T if inertial.origin is None else T @ inertial.origin
         return float(mass), T[:3, 3].copy(), T[:3, :3] @ inertia @ T[:3, :3].T
 

@@ -27,6 +27,8 @@ __all__ = [
     "segment_distance",
 ]
 
+Vector = tuple[float, float, float]
+
 
 @njit
 def _joint_transform(model: ArmModel, i: int, qi: float, R: Floats, p: Floats) -> None:
@@ -214,15 +216,121 @@ def path_coefficients(
     n = q.shape[1]
     R = np.empty((n, 3, 3))
     p = np.empty((n, 3))
-    force = np.empty((n, 6))
-    zero = np.zeros(n)
+    force = np.empty((n, 3, 6))
     for k in range(q.shape[0]):
         _joint_transforms(model, q[k], R, p)
-        _newton_euler(model, R, p, zero, dq[k], 0.0, force, M_out[k])
-        _newton_euler(model, R, p, dq[k], ddq[k], 0.0, force, Q_out[k])
-        _newton_euler(model, R, p, zero, zero, 1.0, force, S_out[k])
+        _path_forces(model, R, p, dq[k], ddq[k], force)
+        _path_torques(model, R, p, force, M_out[k], Q_out[k], S_out[k])
         for i in range(n):
             R_out[k, i] = model.damping[i] * dq[k, i]
+
+
+@njit
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def _add(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@njit
+def _times(s: float, a: Vector) -> Vector:
+    return s * a[0], s * a[1], s * a[2]
+
+
+@njit
+def _row(A: Floats, i: int) -> Vector:
+    return A[i, 0], A[i, 1], A[i, 2]
+
+
+@njit
+def _turn(R: Floats, a: Vector) -> Vector:
+    """R a."""
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@njit
+def _turn_back(R: Floats, a: Vector) -> Vector:
+    """R^T a."""
+    return (
+        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
+        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
+        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@njit
+def _put(out: Floats, f: Vector, h: Vector) -> None:
+    out[0], out[1], out[2], out[3], out[4], out[5] = f[0], f[1], f[2], h[0], h[1], h[2]
+
+
+@njit
+def _path_forces(model: ArmModel, R: Floats, p: Floats, dq: Floats, ddq: Floats, force: Floats) -> None:
+    """Newton-Euler outwards for three motions at once, into force (n, 3, 6): force and moment at each link's origin.
+
+    M: accelerations dq from rest; Q: speeds dq with accelerations ddq; S: a base that accelerates upwards, for gravity.
+    Separate passes would load the chain three times and turn angular velocities that are zero.
+    """
+    g = model.gravity
+    zero = (0.0, 0.0, 0.0)
+    w, u_M, u_Q, v_M, v_Q = zero, zero, zero, zero, zero
+    v_S = _times(-1.0, _turn_back(model.base_R, (g[0], g[1], g[2])))
+    for i in range(dq.shape[0]):
+        A, origin, axis = R[i], _row(p, i), _row(model.axis, i)
+        v_M = _turn_back(A, _add(v_M, _cross(u_M, origin)))
+        v_Q = _turn_back(A, _add(v_Q, _add(_cross(u_Q, origin), _cross(w, _cross(w, origin)))))
+        v_S = _turn_back(A, v_S)
+        w, u_M, u_Q = _turn_back(A, w), _turn_back(A, u_M), _turn_back(A, u_Q)
+        spin = _times(dq[i], axis)
+        if model.prismatic[i]:
+            v_M = _add(v_M, spin)
+            v_Q = _add(v_Q, _add(_times(2.0, _cross(w, spin)), _times(ddq[i], axis)))
+        else:
+            u_M = _add(u_M, spin)
+            u_Q = _add(u_Q, _add(_cross(w, spin), _times(ddq[i], axis)))
+            w = _add(w, spin)
+        m, com, about = model.mass[i], _row(model.com, i), model.inertia[i]
+        f = _times(m, _add(v_M, _cross(u_M, com)))
+        _put(force[i, 0], f, _add(_turn(about, u_M), _cross(com, f)))
+        f = _times(m, _add(v_Q, _add(_cross(u_Q, com), _cross(w, _cross(w, com)))))
+        moment = _add(_turn(about, u_Q), _cross(w, _turn(about, w)))
+        _put(force[i, 1], f, _add(moment, _cross(com, f)))
+        f = _times(m, v_S)
+        _put(force[i, 2], f, _cross(com, f))
+
+
+@njit
+def _path_torques(
+    model: ArmModel, R: Floats, p: Floats, force: Floats, M_out: Floats, Q_out: Floats, S_out: Floats
+) -> None:
+    """Newton-Euler inwards: what ``_path_forces`` found, summed up along the chain, about the joint axes."""
+    n = R.shape[0]
+    for k in range(n):
+        i = n - 1 - k
+        first = 0 if model.prismatic[i] else 3
+        axis, origin = _row(model.axis, i), _row(p, i)
+        for kind in range(3):
+            F = force[i, kind]
+            torque = axis[0] * F[first] + axis[1] * F[first + 1] + axis[2] * F[first + 2]
+            if kind == 0:
+                M_out[i] = torque
+            elif kind == 1:
+                Q_out[i] = torque
+            else:
+                S_out[i] = torque
+            if i > 0:
+                f = _turn(R[i], (F[0], F[1], F[2]))
+                h = _add(_turn(R[i], (F[3], F[4], F[5])), _cross(origin, f))
+                before = force[i - 1, kind]
+                for r in range(3):
+                    before[r] += f[r]
+                    before[3 + r] += h[r]
 
 
 @njit

@@ -90,6 +90,25 @@ def test_plan_takes_methods_and_a_control_period(capsys: pytest.CaptureFixture[s
     assert data["methods"]["vci"]["makespan_s"] == pytest.approx(0.342, abs=0.003)
 
 
+@pytest.mark.parametrize("form", ["csv", "json"])
+def test_plan_exports_the_motion_of_every_arm(form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    from armtempo.planners import read_trajectory
+
+    line = ["plan", "lee1991", "--methods", "delay", "sequential", "--export", "out", "--export-format", form]
+    assert main([*line, "--period", "0.002", "--json", "-"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert sorted(path.name for path in Path("out").iterdir()) == [
+        f"{method}-{arm}.{form}" for method in ("delay", "sequential") for arm in ("master", "slave")
+    ]
+    assert sorted(facts["exported"]) == sorted(str(path) for path in Path("out").iterdir())
+    for path in Path("out").iterdir():
+        method, arm = path.stem.split("-")
+        motion = read_trajectory(path)
+        assert motion.joint_names == ("joint_1", "joint_2")
+        assert motion.time[-1] == pytest.approx(facts["methods"][method]["arrival_s"][arm], rel=1e-12)
+        assert motion.time[1] == 0.002
+
+
 def test_plan_says_which_method_has_no_plan(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
     # At 0.03 m between surfaces the slave may not wait at its start.
     file = cell_file(("d_min_m: 0.01 ", "d_min_m: 0.03 "))
@@ -229,6 +248,7 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "nowhere.yaml"], ["nowhere.yaml", "no such file"]),
         (["plan", "lee1991", "--methods", "vcii"], ["unknown method 'vcii'", "did you mean 'vci'"]),
         (["plan", "lee1991", "--control-period", "-1"], ["--control-period", "positive"]),
+        (["plan", "lee1991", "--export", "out", "--period", "0"], ["--period", "positive", "try 0.001"]),
         (["plan", "lee1991", "--control-period", "nan"], ["--control-period", "positive"]),
         (["evaluate", "lee1991", "--policies", "vcii"], ["unknown policy 'vcii'", "did you mean 'vci'"]),
         (["evaluate", "lee1991", "--episodes", "0"], ["--episodes", "at least 1"]),
@@ -274,7 +294,7 @@ def test_wrong_lines_are_status_2(line: list[str], capsys: pytest.CaptureFixture
 
 
 def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
-    from armtempo.commands._output import whole_file
+    from armtempo.files import whole_file
 
     target = tmp_path / "figures.json"
     target.write_text("old", encoding="utf-8")

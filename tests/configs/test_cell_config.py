@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import copy
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from pydantic import ValidationError
 
 from armtempo.configs import (
     ArcConfig,
+    ArmConfig,
     CellConfig,
     LineConfig,
     bundled_cells,
@@ -17,6 +20,7 @@ from armtempo.configs import (
     load_cell_config,
     parse_cell_config,
     resolve_file,
+    robot_config,
 )
 from armtempo.errors import ArmtempoError, ConfigError, UnknownNameError
 
@@ -405,3 +409,84 @@ def test_unknown_data_file() -> None:
 def test_all_errors_share_one_root() -> None:
     assert issubclass(ConfigError, ArmtempoError)
     assert issubclass(UnknownNameError, ArmtempoError)
+
+
+def test_names_of_cells_may_have_hyphens(tmp_path: Path) -> None:
+    data = cell() | {"name": "my-cell"}
+    assert load_cell_config(write(tmp_path, yaml.safe_dump(data))).name == "my-cell"
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "words"),
+    [
+        ({}, "arms[0].path", "a path needs exactly one of start_m, waypoints_rad, waypoints_file; got none"),
+        (
+            {"waypoints_rad": [[0, 1], [1, 0]], "waypoints_file": "a.csv"},
+            "arms[0].path",
+            "a path needs exactly one of start_m, waypoints_rad, waypoints_file; got waypoints_rad, waypoints_file",
+        ),
+        ({"start_m": [0, 0, 0]}, "arms[0].path.segments", "missing"),
+        (
+            {"waypoints_rad": [[0, 1], [1, 0]], "segments": [{"line": {"to_m": [0, 0, 0]}}]},
+            "arms[0].path.segments",
+            "belong to start_m, not to waypoints_rad",
+        ),
+        ({"waypoints_rad": [[0, 1]]}, "arms[0].path.waypoints_rad", "must have at least 2 items"),
+        ({"waypoints_rad": [[0, "1"], [1, 0]]}, "arms[0].path.waypoints_rad[0][1]", "must be a number"),
+    ],
+)
+def test_paths_are_of_exactly_one_kind(path: dict[str, Any], key: str, words: str, tmp_path: Path) -> None:
+    data = cell()
+    data["arms"][0]["path"] = path
+    with pytest.raises(ConfigError) as caught:
+        parse_cell_config(data, tmp_path / "mine.yaml")
+    assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: {key}: {words}"), str(caught.value)
+
+
+def test_chart_sizes_are_cells_or_metres() -> None:
+    data, source = cell(), Path("mine.yaml")
+    assert parse_cell_config(data, source).chart_tolerance(2.0) == 0.0004
+    assert parse_cell_config(data | {"chart_tolerance_m": 0.001}, source).chart_tolerance(2.0) == 0.001
+    assert parse_cell_config(data | {"chart_cells": 256}, source).chart_tolerance(2.0) == pytest.approx(2.0 / 256)
+    joints = copy.deepcopy(data)
+    joints["arms"][0]["path"] = {"waypoints_rad": [[0, 0], [1, 1]]}
+    assert parse_cell_config(joints, source).chart_tolerance(2.0) == pytest.approx(2.0 / 1024)
+    for wrong, words in (
+        (data | {"chart_cells": 100}, "chart_cells: must be a power of two, got 100"),
+        (data | {"chart_cells": 256, "chart_tolerance_m": 0.001}, "chart_cells: give it or chart_tolerance_m"),
+        (joints | {"chart_tolerance_m": 0.001}, "chart_tolerance_m: paths through joint waypoints"),
+        (data | {"chart_cells": 8}, "chart_cells: must be greater than or equal to 16"),
+    ):
+        with pytest.raises(ConfigError, match=re.escape(words)):
+            parse_cell_config(wrong, source)
+
+
+def test_data_sheets_fill_what_an_arm_leaves_open() -> None:
+    panda = "pybullet_data/franka_panda/panda.urdf"
+    sheet = robot_config(panda)
+    assert sheet is not None
+    assert sheet.limits.torque_nm == (87, 87, 87, 87, 12, 12, 12)
+    assert robot_config("planar_two_link.urdf") is None
+    limits = {"torque_nm": [None, 50, None, None, None, None, 6]}
+    friction = {"coulomb_nm": [0] * 7}
+    path = {"waypoints_rad": [[0] * 7, [1] * 7]}
+    arm = ArmConfig.model_validate(
+        {"name": "a", "urdf": panda, "limits": limits, "friction": friction, "path": path}
+    ).over(sheet)
+    assert arm.limits.torque_nm == (87, 50, 87, 87, 12, 12, 6)
+    assert arm.limits.acceleration_rad_s2 == (15, 7.5, 10, 12.5, 15, 20, 20)
+    assert arm.friction.coulomb_nm == (0,) * 7
+    assert arm.friction.viscous_nm_s_rad == sheet.friction.viscous_nm_s_rad
+    assert arm.tip_link == "panda_grasptarget"
+    assert arm.over(None) is arm
+
+
+def test_robots_of_pybullet_are_found_by_name(tmp_path: Path) -> None:
+    config = load_cell_config(write(tmp_path, yaml.safe_dump(cell())))
+    for name in ("franka_panda/panda.urdf", "kuka_iiwa/model.urdf", "xarm/xarm6_robot.urdf"):
+        file = resolve_file(config, f"pybullet_data/{name}")
+        assert file.is_file()
+        assert file.as_posix().endswith(name)
+        assert robot_config(f"pybullet_data/{name}") is not None
+    with pytest.raises(ConfigError, match=r"did you mean 'pybullet_data/franka_panda/panda.urdf'"):
+        resolve_file(config, "pybullet_data/franka_panda/pana.urdf")

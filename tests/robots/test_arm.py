@@ -26,7 +26,9 @@ ROBOTS: dict[str, tuple[Path, str | None]] = {
     "planar": (PLANAR, None),
     "iiwa": (DATA / "kuka_iiwa" / "model.urdf", None),
     "panda": (DATA / "franka_panda" / "panda.urdf", "panda_grasptarget"),
+    "ur5e": (PLANAR.with_name("ur5e_like.urdf"), None),
 }
+XARM = DATA / "xarm" / "xarm6_robot.urdf"
 SLIDER = """<robot name="slider">
   <link name="base"/>
   <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><origin xyz="0.1 0 0.2" rpy="0.3 0 0"/>
@@ -49,10 +51,18 @@ SLIDER = """<robot name="slider">
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, str | None]]:
     slider = tmp_path_factory.mktemp("urdf") / "slider.urdf"
     slider.write_text(SLIDER)
-    return ROBOTS | {"slider": (slider, None)}
+    # The xArm6's inertias of two links are none: here zeros stand in the file, where PyBullet and we put them.
+    xarm = tmp_path_factory.mktemp("xarm") / "xarm6_robot.urdf"
+    text = XARM.read_text()
+    for start in ('<inertia ixx="0.0248674"', '<inertia ixx="0.0053694"'):
+        before, rest = text.split(start)
+        zeros = " ".join(f'{key}="0"' for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+        text = f"{before}<inertia {zeros}/>{rest.split('/>', 1)[1]}"
+    xarm.write_text(text.replace("package://xarm_description", str(XARM.parent / "xarm_description")))
+    return ROBOTS | {"slider": (slider, None), "xarm": (xarm, None)}
 
 
-@pytest.fixture(params=["planar", "iiwa", "panda", "slider"])
+@pytest.fixture(params=["planar", "iiwa", "panda", "slider", "ur5e", "xarm"])
 def robot(request: pytest.FixtureRequest, files: dict[str, tuple[Path, str | None]]) -> tuple[Path, str | None]:
     return files[request.param]
 
@@ -168,7 +178,7 @@ def test_dynamics_and_kinematics_match_pybullet(robot: tuple[Path, str | None], 
             np.testing.assert_allclose(T[:3, :3], R, atol=2e-6)
 
 
-@pytest.mark.parametrize("robot", ["planar", "iiwa", "slider"], indirect=True)  # the Panda's fingers would move
+@pytest.mark.parametrize("robot", ["planar", "iiwa", "slider", "ur5e"], indirect=True)  # the Panda's fingers would move
 def test_torques_drive_pybullets_simulation(robot: tuple[Path, str | None], client: int) -> None:
     urdf, _ = robot
     base = pose((0.3, -0.2, 0.1), (0.4, 0.2, -0.7))
@@ -217,7 +227,7 @@ def test_dynamics_and_kinematics_match_pinocchio(robot: tuple[Path, str | None])
         arm.jacobian(q),
     )
     for k in range(len(q)):
-        rnea = pin.rnea(model, data, q[k], qd[k], qdd[k]) + arm.damping * qd[k]
+        rnea = pin.rnea(model, data, q[k], qd[k], qdd[k]) + arm.damping * qd[k] + arm.coulomb * np.sign(qd[k])
         np.testing.assert_allclose(torque[k], rnea, atol=1e-9, rtol=0)
         np.testing.assert_allclose(mass[k], pin.crba(model, data, q[k]), atol=1e-9, rtol=0)
         J = pin.computeFrameJacobian(model, data, q[k], frame, pin.LOCAL_WORLD_ALIGNED)
@@ -245,9 +255,39 @@ def test_path_coefficients_are_the_torques_along_a_path(robot: tuple[Path, str |
     M, Q, R, S = (np.empty_like(q) for _ in range(4))
     kernels.path_coefficients(arm.model, q, dq, ddq, M, Q, R, S)
     for mu, mu_dot in [(0.0, 0.0), (1.3, -0.4), (0.2, 5.0)]:
-        torque = arm.inverse_dynamics(q, dq * mu, ddq * mu**2 + dq * mu_dot)
+        torque = arm.inverse_dynamics(q, dq * mu, ddq * mu**2 + dq * mu_dot) - arm.coulomb * np.sign(dq * mu)
         np.testing.assert_allclose(M * mu_dot + Q * mu**2 + R * mu + S, torque, atol=1e-9)
     np.testing.assert_array_equal(R, arm.damping * dq)
+
+
+def test_links_with_impossible_inertia_are_point_masses_on_demand(files: dict[str, tuple[Path, str | None]]) -> None:
+    with pytest.raises(RobotError, match=r"link 'link2' has principal moments .* unphysical_inertia"):
+        Arm.from_urdf(XARM)
+    arm, zeros = Arm.from_urdf(XARM, unphysical_inertia="point-mass"), Arm.from_urdf(files["xarm"][0])
+    np.testing.assert_array_equal(arm.model.inertia, zeros.model.inertia)
+    np.testing.assert_allclose(arm.model.inertia[1:3], 0.0, atol=1e-30)
+    np.testing.assert_array_equal(arm.coulomb, 1.0)
+
+
+def test_ur5e_like_arm_has_the_published_kinematics() -> None:
+    """Denavit-Hartenberg rows of Universal Robots: T = Rz(theta) Tz(d) Tx(a) Rx(alpha)."""
+    arm = Arm.from_urdf(ROBOTS["ur5e"][0])
+    right = np.pi / 2
+    rows = [
+        (0.1625, 0.0, right),
+        (0.0, -0.425, 0.0),
+        (0.0, -0.3922, 0.0),
+        (0.1333, 0.0, right),
+        (0.0997, 0.0, -right),
+        (0.0996, 0.0, 0.0),
+    ]
+    for q in states(arm)[0]:
+        T = np.eye(4)
+        for theta, (d, a, alpha) in zip(q, rows, strict=True):
+            T = T @ pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0))
+        np.testing.assert_allclose(arm.tip_pose(q), T, atol=1e-12)
+    assert arm.model.mass.sum() == pytest.approx(3.761 + 8.058 + 2.846 + 1.37 + 1.3 + 0.365)
+    np.testing.assert_array_equal(arm.torque_max, [150, 150, 150, 28, 28, 28])
 
 
 def test_scalar_kernels_match_the_batched_methods() -> None:
@@ -343,6 +383,7 @@ def test_limits_can_be_replaced() -> None:
         ({"damping": [1.0, -1.0]}, ["damping[1]", "joint_2", ">= 0"]),
         ({"coulomb": [float("inf"), 0.0]}, ["coulomb[0]", "joint_1", "finite"]),
         ({"coulomb": [0.0]}, ["coulomb has 1 entries", "give 2"]),
+        ({"ignored_pairs": [("link_1", "tol")]}, ["ignored_pairs", "no link 'tol'", "link_1, link_2"]),
         ({"position_limits": [(0, 1)]}, ["position_limits has 1"]),
         ({"position_limits": [(0, 1), (2, 1)]}, ["joint_2", "lower < upper"]),
         ({"position_limits": [(0, 1), (2,)]}, ["position_limits[1]", "pair"]),

@@ -318,3 +318,59 @@ def test_fcl_is_used_where_it_is_right() -> None:
     inner = static_shape("convex", vertices=0.2 * corners)
     assert isinstance(_clearance._geometry(outer), fcl.Convex)
     assert shape_distance(outer, np.eye(4), inner, np.eye(4)) == 0.0
+
+
+def chain(gap: float) -> str:
+    """Three links in a row; the outer two carry spheres about the middle joints, ``gap`` apart when straight."""
+
+    def link(name: str, x: float) -> str:
+        inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+        ball = f'<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="0.1"/></geometry></collision>'
+        return f'<link name="{name}">{inertial}{ball}</link>'
+
+    def joint(name: str, parent: str, child: str, x: float) -> str:
+        return (
+            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+
+    return (
+        '<robot name="chain"><link name="base"/>'
+        + joint("j1", "base", "one", 0)
+        + link("one", 0.0)
+        + joint("j2", "one", "two", 0.05)
+        + link("two", 0.0)
+        + joint("j3", "two", "three", 0.05)
+        + link("three", gap)
+        + "</robot>"
+    )
+
+
+def test_own_links_that_always_touch_are_left_out_and_listed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "chain.urdf"
+    for gap, always in ((0.05, True), (0.2, False)):  # of the second, folding alone brings them together
+        file.write_text(chain(gap))
+        arm = Arm.from_urdf(file)
+        caplog.clear()
+        with caplog.at_level("INFO", logger="armtempo"):
+            clearance = Clearance([arm])
+        touching = (("chain/one", "chain/three"),) if always else ()
+        assert clearance.ignored_pairs(0) == touching
+        assert clearance.self_pairs(0) == 1 - len(touching)
+        assert [record.getMessage() for record in caplog.records] == [
+            f"{a} and {b} touch wherever the joints are: left out" for a, b in touching
+        ]
+    assert Clearance([arm]).self_collision(0, [0.0, 0.0, np.pi]).distance < 0.0
+    named = Clearance([Arm.from_urdf(file, ignored_pairs=[("three", "one")])])
+    assert named.ignored_pairs(0) == (("chain/one", "chain/three"),)
+    assert named.self_collision(0, [0.0, 0.0, np.pi]).distance == math.inf
+
+
+@pytest.mark.parametrize("urdf", ["franka_panda/panda.urdf", "kuka_iiwa/model.urdf", "xarm/xarm6_robot.urdf"])
+def test_no_pair_of_a_real_arm_is_left_out(urdf: str) -> None:
+    tip = "panda_grasptarget" if "panda" in urdf else None
+    arm = Arm.from_urdf(DATA / urdf, tip_link=tip, unphysical_inertia="point-mass")
+    clearance = Clearance([arm])
+    assert clearance.ignored_pairs(0) == ()
+    middle = (arm.position_min + arm.position_max) / 2
+    assert clearance.self_collision(0, middle).distance > 0.01
