@@ -19,7 +19,7 @@ from armtempo.robots import Arm, njit
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-OVERSAMPLING = 8  # path samples per smallest interval
+OVERSAMPLING = 16  # path samples per smallest interval
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -111,7 +111,8 @@ def _classify(
     shapes_b = side_b.radius.shape[0]
     samples = (side_a.poses.shape[0] - 1) // (side_a.axes.shape[0] - 1)
     distance = np.empty(side_a.radius.shape[0] * shapes_b)
-    W = np.empty((5, 3))
+    W = np.empty((4, 3))
+    shortest = np.zeros((len(distance), 3))  # of every pair, where it was asked last: cells lie side by side
     by_capsules, by_shapes = 0, 0
     for c in range(cells.a.shape[0]):
         place_a, place_b = cells.a[c] * per + per // 2, cells.b[c] * per + per // 2
@@ -156,7 +157,7 @@ def _classify(
             low, high = separation(
                 side_a.bodies, ka, side_a.base if link_a < 0 else side_a.poses[place_a * samples, link_a],
                 side_b.bodies, kb, side_b.base if link_b < 0 else side_b.poses[place_b * samples, link_b],
-                d_min + moved, d_min - moved, W,
+                d_min + moved, d_min - moved, shortest[cells.pairs[e]], W,
             )  # fmt: skip
             by_shapes += 1
             pair_state[e] = UNDECIDED

@@ -155,13 +155,14 @@ def _inside(W: Floats) -> bool:
 
 @njit
 def separation(
-    a: Bodies, i: int, T_a: Floats, b: Bodies, j: int, T_b: Floats, far: float, near: float, W: Floats
+    a: Bodies, i: int, T_a: Floats, b: Bodies, j: int, T_b: Floats, far: float, near: float, v: Floats, W: Floats
 ) -> tuple[float, float]:
     """Lower and upper bound of the distance [m] of shapes i of a and j of b, whose links are at T_a and T_b (4, 4).
 
     The search ends as soon as the lower bound is ``far``, or the upper one below ``near``, or both lie in between, or
     they meet. ``near`` nan asks for the distance itself. Negative: balls that overlap; other overlaps are 0.
-    W: (5, 3) scratch.
+    v: (3,) a guess of the shortest vector from b to a, in the frame of a's link, such as the last answer's; gets the
+    new one. W: (4, 3) scratch.
     """
     # b in the frame of a
     d0, d1, d2 = T_b[0, 3] - T_a[0, 3], T_b[1, 3] - T_a[1, 3], T_b[2, 3] - T_a[2, 3]
@@ -179,17 +180,10 @@ def separation(
     r22 = T_a[0, 2] * T_b[0, 2] + T_a[1, 2] * T_b[1, 2] + T_a[2, 2] * T_b[2, 2]
     radius = a.radius[i] + b.radius[j]
     far, near = far + radius, near + radius
-    v = W[4]
-    p, q = a.vertices[a.first[i]], b.vertices[b.first[j]]
-    v[0] = p[0] - (r00 * q[0] + r01 * q[1] + r02 * q[2] + t0)
-    v[1] = p[1] - (r10 * q[0] + r11 * q[1] + r12 * q[2] + t1)
-    v[2] = p[2] - (r20 * q[0] + r21 * q[1] + r22 * q[2] + t2)
-    upper = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    W[0, 0], W[0, 1], W[0, 2] = v[0], v[1], v[2]
-    lower, corners = 0.0, 1
+    if not v[0] * v[0] + v[1] * v[1] + v[2] * v[2] > 0.0:
+        v[0] = 1.0
+    lower, upper, corners = 0.0, math.inf, 0
     for _ in range(STEPS):
-        if upper < near or upper < CONVERGED:
-            break
         x, y, z = v[0], v[1], v[2]
         p0, p1, p2 = _support(a, i, -x, -y, -z)
         q0, q1, q2 = _support(
@@ -199,7 +193,7 @@ def separation(
         w[0] = p0 - (r00 * q0 + r01 * q1 + r02 * q2 + t0)
         w[1] = p1 - (r10 * q0 + r11 * q1 + r12 * q2 + t1)
         w[2] = p2 - (r20 * q0 + r21 * q1 + r22 * q2 + t2)
-        lower = max(lower, (x * w[0] + y * w[1] + z * w[2]) / upper)
+        lower = max(lower, (x * w[0] + y * w[1] + z * w[2]) / math.sqrt(x * x + y * y + z * z))
         if lower >= far or (lower >= near and upper < far) or upper - lower <= CONVERGED:
             break
         corners = _nearest(W, corners + 1, v)
@@ -207,4 +201,6 @@ def separation(
         if not size < upper:  # nothing is gained any more: rounding
             break
         upper = size
+        if upper < near or upper < CONVERGED:
+            break
     return lower - radius, upper - radius
