@@ -55,9 +55,7 @@ def passable(states: States) -> Bools:
     for i in range(rows):
         for j in range(columns):
             if states[i, j] == 0:
-                reached[i, j] = (
-                    (i == 0 and j == 0) or (i > 0 and reached[i - 1, j]) or (j > 0 and reached[i, j - 1])
-                )
+                reached[i, j] = (i == 0 and j == 0) or (i > 0 and reached[i - 1, j]) or (j > 0 and reached[i, j - 1])
     for i in range(rows - 1, -1, -1):
         for j in range(columns - 1, -1, -1):
             if reached[i, j] and not (i == rows - 1 and j == columns - 1):

@@ -167,9 +167,7 @@ class CoordinationChart:
     @cached_property
     def labels(self) -> NDArray[np.int32]:
         """(R, R) 0 where free, else the number 1, 2, ... of the collision region; they touch at corners at least."""
-        labels, _ = cast(
-            "tuple[NDArray[np.int32], int]", ndimage.label(self.states != FREE, structure=np.ones((3, 3)))
-        )
+        labels, _ = cast("tuple[NDArray[np.int32], int]", ndimage.label(self.states != FREE, structure=np.ones((3, 3))))
         labels.setflags(write=False)
         return labels
 

@@ -150,7 +150,7 @@ def _inside(W: Floats) -> bool:
     r = -(p[0] * x0 + p[1] * x1 + p[2] * x2) / det
     s = -(p[0] * (c1 * a2 - c2 * a1) + p[1] * (c2 * a0 - c0 * a2) + p[2] * (c0 * a1 - c1 * a0)) / det
     t = -(p[0] * (a1 * b2 - a2 * b1) + p[1] * (a2 * b0 - a0 * b2) + p[2] * (a0 * b1 - a1 * b0)) / det
-    return r >= 0.0 and s >= 0.0 and t >= 0.0 and r + s + t <= 1.0
+    return bool(r >= 0.0 and s >= 0.0 and t >= 0.0 and r + s + t <= 1.0)
 
 
 @njit
