@@ -87,7 +87,7 @@ def test_200_000_questions_to_fcl(panda_pair: Callable[[int], Pair], capsys: pyt
         near = np.argwhere(chart.states == UNDECIDED)
         some = [
             cells[generator.integers(0, len(cells), 25_000)] + generator.uniform(0.0, 1.0, (25_000, 2)),
-            near[generator.integers(0, len(near), 60_000)] + generator.uniform(-2.0, 3.0, (60_000, 2)),
+            near[generator.integers(0, len(near), 150_000)] + generator.uniform(-2.0, 3.0, (150_000, 2)),
         ]
         place = np.clip(np.concatenate(some), 0.0, chart.resolution - 1e-9)
         states = chart.states[tuple(place.astype(int).T)]

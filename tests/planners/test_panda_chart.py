@@ -248,16 +248,13 @@ def test_coals_managers_do_not_give_the_smallest_distance_of_capsules() -> None:
     generator = np.random.default_rng(0)
     wrong = 0
     for _ in range(20):
-        sides = []
-        for x in (0.0, 1.0):
-            sides.append(
-                [
-                    coal.CollisionObject(
-                        coal.Capsule(0.05, 0.2), np.eye(3), np.array([x, 0, 0]) + generator.normal(size=3)
-                    )
-                    for _ in range(6)
-                ]
-            )
+        sides = [
+            [
+                coal.CollisionObject(coal.Capsule(0.05, 0.2), np.eye(3), np.array([x, 0, 0]) + generator.normal(size=3))
+                for _ in range(6)
+            ]
+            for x in (0.0, 1.0)
+        ]
         smallest = min(
             coal.distance(a, b, coal.DistanceRequest(), coal.DistanceResult()) for a in sides[0] for b in sides[1]
         )
