@@ -7,7 +7,7 @@ from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
-from armtempo.planners._coordination_chart import CoordinationChart
+from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import makespan_bound
 from armtempo.planners._path_dynamics import PathDynamics
@@ -27,6 +27,7 @@ __all__ = [
     "CartesianPath",
     "Cell",
     "ClearanceTable",
+    "ChartRegion",
     "CoordinationChart",
     "Island",
     "JointPath",

@@ -8,7 +8,8 @@ from typing import final
 
 from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError
-from armtempo.planners._coordination_chart import CoordinationChart, swept_displacements
+from armtempo.planners._arm_sweep import swept_displacements
+from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._makespan_bound import makespan_bound
 from armtempo.planners._path_dynamics import PathDynamics

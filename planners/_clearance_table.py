@@ -8,16 +8,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.planners._disk_cache import Arrays, cached, content_key, motion_content
 from armtempo.planners._joint_path import JointPath
-from armtempo.robots import Arm, Clearance, kernels, njit
+from armtempo.robots import Arm, Bodies, Clearance, kernels, njit, pack_bodies, separation
 
 Array = NDArray[np.float64]
 
 NODES = 513
+VERSION = 1  # of the content: raise it when the same input may get another table
 
 
 class ClearanceTable(NamedTuple):
-    """Distances at (K, K) nodes, equally spaced over both paths; bilinear in between (to about a quarter of a node)."""
+    """Distances at (K, K) nodes, equally spaced over both paths; bilinear in between.
+
+    Distances change no faster than the arms' points move. So in between the table is off by no more than half of what
+    one arm's farthest-moving point travels from node to node plus half of the other's; about a quarter of one near the
+    border of a collision.
+    """
 
     distance: Array
     length_a: float
@@ -27,35 +34,99 @@ class ClearanceTable(NamedTuple):
 def clearance_table(
     clearance: Clearance, i: int, j: int, arms: tuple[Arm, ...], paths: tuple[JointPath, ...], exact_below: float
 ) -> ClearanceTable:
-    """Tabulate the distance of arms i and j [m].
+    """Tabulate the distance of arms i and j [m], as ``clearance`` would answer at every node.
 
-    Where capsules are the links themselves their distance is FCL's; else FCL is asked where the enclosing capsules are
-    nearer than ``exact_below`` [m], and farther off their distance, a lower bound, stands.
+    Below ``exact_below`` [m] it is the distance of the real shapes, found by the kernel that charts use, FCL's
+    tolerance subtracted; above, a lower bound may stand that is no smaller than ``exact_below``. Kept on disk as charts
+    are.
     """
-    axes, joints = [], []
-    for k in (i, j):
-        q = paths[k].evaluate(np.linspace(0.0, paths[k].length, NODES))[0]
-        own = np.empty((NODES, len(arms[k].shapes), 2, 3))
-        for node in range(NODES):
-            kernels.capsule_axes(arms[k].model, arms[k].capsules, np.array(q[node]), own[node])
-        axes.append(own)
-        joints.append(q)
-    distance = np.full((NODES, NODES), math.inf)
-    _capsule_distances(axes[0], axes[1], arms[i].capsules.radius, arms[j].capsules.radius, distance)
-    if not (arms[i].capsules.exact.all() and arms[j].capsules.exact.all()):
-        for a, b in np.argwhere(distance < exact_below):
-            distance[a, b] = clearance.between(i, j, joints[0][a], joints[1][b]).distance
+    lam = [np.linspace(0.0, paths[k].length, NODES) for k in (i, j)]
+    joints = [paths[k].evaluate(own)[0] for k, own in zip((i, j), lam, strict=True)]
+
+    def compute() -> Arrays:
+        sides = [_side(arms[k], q) for k, q in zip((i, j), joints, strict=True)]
+        distance = np.empty((NODES, NODES))
+        _fill(sides[0], sides[1], exact_below, distance)
+        return {"distance": distance}
+
+    if arms[i].capsules.exact.all() and arms[j].capsules.exact.all():
+        distance = compute()["distance"]
+    else:
+        none = np.zeros(0)
+        content = [
+            part for k, q in zip((i, j), joints, strict=True) for part in motion_content(arms[k], paths[k], q, none)
+        ]
+        key = content_key(["table", VERSION, float(exact_below), *content])
+        distance = cached("clearance", key, compute)["distance"]
     return ClearanceTable(distance, paths[i].length, paths[j].length)
 
 
+class _Side(NamedTuple):
+    """One arm at every node."""
+
+    axes: Array
+    poses: Array
+    moves: Array  # (K, shapes) from node to node, the farthest that a point of the shape or of its capsule gets
+    radius: Array
+    exact: NDArray[np.bool_]
+    bodies: Bodies
+
+
+def _side(arm: Arm, q: Array) -> _Side:
+    axes = np.empty((len(q), len(arm.shapes), 2, 3))
+    poses = np.empty((len(q), arm.dof + 1, 4, 4))  # the base's is the last, at index -1
+    poses[:, :-1] = arm.link_poses(q)
+    poses[:, -1] = arm.T_world_base
+    for node, row in enumerate(np.array(q)):
+        kernels.capsule_axes(arm.model, arm.capsules, row, axes[node])
+    moves = np.zeros((len(q), len(arm.shapes)))
+    for k, shape in enumerate(arm.shapes):
+        followed = np.concatenate([np.stack(shape.capsule[:2]), shape.points])
+        world = followed @ poses[:, shape.link, :3, :3].transpose(0, 2, 1) + poses[:, shape.link, None, :3, 3]
+        moves[1:, k] = np.linalg.norm(np.diff(world, axis=0), axis=2).max(axis=1)
+    return _Side(axes, poses, moves, arm.capsules.radius, arm.capsules.exact, pack_bodies(arm.shapes))
+
+
 @njit
-def _capsule_distances(axes_a: Array, axes_b: Array, radius_a: Array, radius_b: Array, out: Array) -> None:
-    for a in range(axes_a.shape[0]):
-        for b in range(axes_b.shape[0]):
-            for k in range(axes_a.shape[1]):
-                for m in range(axes_b.shape[1]):
-                    d = kernels.segment_distance(axes_a[a, k, 0], axes_a[a, k, 1], axes_b[b, m, 0], axes_b[b, m, 1])
-                    out[a, b] = min(out[a, b], d - radius_a[k] - radius_b[m])
+def _fill(side_a: _Side, side_b: _Side, exact_below: float, out: Array) -> None:
+    """Distances at all nodes. From node to node a pair's bound falls by what its links move, and few are looked at."""
+    many_a, many_b = side_a.radius.shape[0], side_b.radius.shape[0]
+    last_a, last_b = side_a.poses.shape[1] - 1, side_b.poses.shape[1] - 1
+    bound = np.empty(many_a * many_b)  # not above the pair's distance at this node
+    stage = np.empty(many_a * many_b, dtype=np.uint8)  # what the bound is: 0 from before, 1 the capsules', 2 the answer
+    shortest = np.zeros((many_a * many_b, 3))
+    W = np.empty((4, 3))
+    for a in range(out.shape[0]):
+        bound[:] = -math.inf
+        for b in range(out.shape[1]):
+            for pair in range(len(bound)):
+                bound[pair] -= side_b.moves[b, pair % many_b]
+                stage[pair] = 0
+            best = math.inf
+            while len(bound):
+                pair = int(np.argmin(bound))
+                if bound[pair] >= best:
+                    break
+                k, m = pair // many_b, pair % many_b
+                if stage[pair] == 0:
+                    axis_a, axis_b = side_a.axes[a, k], side_b.axes[b, m]
+                    d = kernels.segment_distance(axis_a[0], axis_a[1], axis_b[0], axis_b[1])
+                    bound[pair] = max(bound[pair], d - side_a.radius[k] - side_b.radius[m])
+                    stage[pair] = 1
+                elif bound[pair] >= exact_below or (side_a.exact[k] and side_b.exact[m]):
+                    best = bound[pair]
+                else:
+                    tolerance = max(side_a.bodies.tolerance[k], side_b.bodies.tolerance[m])
+                    link_a, link_b = side_a.bodies.link[k], side_b.bodies.link[m]
+                    d, _ = separation(
+                        side_a.bodies, k, side_a.poses[a, last_a if link_a < 0 else link_a],
+                        side_b.bodies, m, side_b.poses[b, last_b if link_b < 0 else link_b],
+                        best + tolerance, math.nan, shortest[pair], W,
+                    )  # fmt: skip
+                    bound[pair] = max(d - tolerance, bound[pair], 0.0)
+                    stage[pair] = 2
+                    best = min(best, bound[pair])
+            out[a, b] = best
 
 
 @njit

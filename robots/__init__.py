@@ -7,11 +7,13 @@ from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
 from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._numba import njit
+from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
 
 __all__ = [
     "Arm",
     "ArmModel",
+    "Bodies",
     "Capsules",
     "Clearance",
     "Nearest",
@@ -19,6 +21,8 @@ __all__ = [
     "Tool",
     "kernels",
     "njit",
+    "pack_bodies",
+    "separation",
     "shape_distance",
     "static_shape",
 ]

@@ -89,7 +89,7 @@ def with_tools(make_arm: Callable[..., Arm], lee1991: Cell) -> tuple[tuple[Arm, 
 def test_hulls_are_settled_by_fcl(with_tools: tuple[tuple[Arm, ...], tuple[JointPath, ...]]) -> None:
     arms, paths = with_tools
     chart = CoordinationChart.build(arms[0], paths[0], arms[1], paths[1], 0.004, 0.0015)
-    assert chart.fcl_queries > 0
+    assert chart.shape_queries > 0
     free, blocked = audit(chart, Clearance(arms), paths, 4000)
     assert free > 300
     assert blocked > 300

@@ -1,0 +1,121 @@
+"""A per-user cache on disk, by content: the key is a hash of everything that decides the answer.
+
+``ARMTEMPO_CACHE`` names another folder, or is ``off``. Files may be deleted at any time. They are written beside their
+place and moved there; one that is damaged is ignored and written anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import os
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.planners._joint_path import JointPath
+from armtempo.robots import Arm
+
+Arrays = dict[str, NDArray[Any]]
+
+DIGEST = 32  # bytes
+LOG = logging.getLogger(__name__)
+
+
+def cache_folder() -> Path | None:
+    """Where cached files are kept; None: nowhere."""
+    named = os.environ.get("ARMTEMPO_CACHE", "")
+    if named:
+        return None if named.lower() == "off" else Path(named)
+    try:
+        if sys.platform == "win32":
+            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+        elif sys.platform == "darwin":
+            base = Path.home() / "Library" / "Caches"
+        else:
+            base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:  # no home
+        return None
+    return base / "armtempo"
+
+
+def content_key(parts: Iterable[object]) -> str:
+    """Hash of arrays (their type, shape and bytes) and plain values (their ``repr``)."""
+    digest = hashlib.blake2b(digest_size=20)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            digest.update(f"{part.dtype.str}{part.shape}".encode())
+            digest.update(np.ascontiguousarray(part).tobytes())
+        else:
+            digest.update(repr(part).encode())
+        digest.update(b";")
+    return digest.hexdigest()
+
+
+def motion_content(arm: Arm, path: JointPath, q: NDArray[np.float64], speed: NDArray[np.float64]) -> list[object]:
+    """What decides where an arm's shapes get: its chain, its shapes, and samples of its path."""
+    model = arm.model
+    parts: list[object] = [arm.T_world_base, model.placement_R, model.placement_p, model.axis, model.prismatic]
+    for shape in arm.shapes:
+        parts += [shape.link, shape.kind, shape.size, shape.T_link_shape, shape.points, *shape.capsule]
+        parts += [shape.exact, shape.tolerance, shape.vertices]
+    return [*parts, path.length, q, speed]
+
+
+def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
+    """The arrays kept under a key, or else those ``compute`` returns, which are kept from now on."""
+    folder = cache_folder()
+    if folder is None:
+        return compute()
+    file = folder / f"{kind}-{key}.npz"
+    arrays = _read(file)
+    if arrays is None:
+        arrays = compute()
+        _write(file, arrays)
+    return arrays
+
+
+def _read(file: Path) -> Arrays | None:
+    try:
+        data = file.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        LOG.warning("cannot read %s: %s; its content is computed again", file, error)
+        return None
+    content = data[DIGEST:]
+    if hashlib.blake2b(content, digest_size=DIGEST).digest() != data[:DIGEST]:
+        LOG.warning("%s is damaged; its content is computed again", file)
+        return None
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except (ValueError, OSError, KeyError, zipfile.BadZipFile) as error:
+        LOG.warning("%s cannot be used (%s); its content is computed again", file, error)
+        return None
+
+
+def _write(file: Path, arrays: Arrays) -> None:
+    packed = io.BytesIO()
+    named: dict[str, Any] = dict(arrays)
+    np.savez_compressed(packed, **named)
+    content = packed.getvalue()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, beside = tempfile.mkstemp(prefix=".", suffix=".part", dir=file.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(hashlib.blake2b(content, digest_size=DIGEST).digest() + content)
+            Path(beside).replace(file)
+        except BaseException:
+            Path(beside).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        LOG.warning("cannot write %s: %s; it will be computed again", file, error)
