@@ -8,12 +8,14 @@ from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import CoordinationChart
+from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
-from armtempo.planners._makespan_bound import makespan_bound
+from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl
 
@@ -24,17 +26,22 @@ __all__ = [
     "Cell",
     "ClearanceTable",
     "CoordinationChart",
+    "IntervalSearch",
     "JointPath",
     "Line",
+    "MakespanBound",
     "Mode",
     "MotionCertificate",
+    "PairBound",
     "PathDynamics",
     "PathTable",
     "PhasePlane",
     "PhaseTrajectory",
+    "PriorityClass",
     "Schedule",
     "ScheduleCertificate",
     "Segment",
+    "TimingProblem",
     "TwoLinkPath",
     "VciPlan",
     "VelocityControl",
@@ -43,6 +50,7 @@ __all__ = [
     "load_cell",
     "makespan_bound",
     "minimum_time",
+    "pair_bound",
     "path_point",
     "phase_kernels",
     "schedule",

@@ -10,11 +10,11 @@ from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError, InputError
 from armtempo.planners._coordination_chart import CoordinationChart, swept_displacements
 from armtempo.planners._joint_path import JointPath
-from armtempo.planners._makespan_bound import makespan_bound
+from armtempo.planners._makespan_bound import MakespanBound, PriorityClass
 from armtempo.planners._path_dynamics import PathDynamics
-from armtempo.planners._phase_kernels import can_hold
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
+from armtempo.planners._timing_problem import TimingProblem
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
@@ -79,10 +79,10 @@ class Cell:
         """Simulation steps between two decisions."""
         return self.config.ticks_per_period
 
-    @cached_property
+    @property
     def fastest(self) -> tuple[PhaseTrajectory, ...]:
         """The minimum-time motion of every arm."""
-        return tuple(plane.fastest() for plane in self.planes)
+        return self.timing.fastest
 
     @property
     def sequential_makespan(self) -> float:
@@ -123,18 +123,27 @@ class Cell:
         return self.bound_chart_between(0, 1)
 
     @cached_property
+    def timing(self) -> TimingProblem:
+        """The planes and charts alone: what is left to decide is when."""
+        return TimingProblem(
+            names=tuple(arm.name for arm in self.arms),
+            planes=self.planes,
+            chart_between=self.chart_between,
+            bound_chart_between=self.bound_chart_between,
+            bound_motions=self._bound_motions,
+        )
+
+    @property
     def holdable(self) -> tuple[bool, ...]:
         """Per arm whether it can hold still wherever it is on its path."""
-        return tuple(bool(can_hold(plane.rows, plane.edges).all()) for plane in self.planes)
+        return self.timing.holdable
 
-    @cached_property
-    def lower_bound(self) -> float:
-        """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite.
+    def _bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
+        """Minimum-time motions from a grid much finer than the plans', and twice what halving it changes.
 
-        It rests on the minimum times alone, which a grid overestimates: they come from a grid much finer than the
-        plans', and twice what halving it changes is taken off.
+        A grid overestimates minimum times: bounds take that share off.
         """
-        fastest, shares = [], []
+        motions = []
         for arm, path in zip(self.arms, self.paths, strict=True):
             coarse, fine = (
                 PhasePlane(
@@ -142,11 +151,27 @@ class Cell:
                 ).fastest()
                 for intervals in (BOUND_GRID // 2, BOUND_GRID)
             )
-            fastest.append(fine)
-            shares.append(1.0 - 2.0 * abs(coarse.duration - fine.duration) / fine.duration)
-        if len(fastest) == 1:
-            return shares[0] * fastest[0].duration
-        return makespan_bound(fastest[0], fastest[1], self.bound_chart) * min(shares)
+            motions.append((fine, 2.0 * abs(coarse.duration - fine.duration) / fine.duration))
+        return tuple(motions)
+
+    @property
+    def bound(self) -> MakespanBound:
+        """Lower bound on the makespan of any timing within the planned torque limits, and the class of every pair."""
+        return self.timing.bound
+
+    @property
+    def lower_bound(self) -> float:
+        """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite."""
+        return self.bound.time
+
+    @property
+    def priority_class(self) -> PriorityClass:
+        """``free``, ``uniform`` (a start delay is optimal), ``mixed`` (timing must be shaped) or ``infeasible``."""
+        return self.bound.priority_class
+
+    def pair_class(self, i: int, j: int) -> PriorityClass:
+        """The class of two arms alone."""
+        return self.bound.classes[min(i, j), max(i, j)]
 
     def check_ends(self) -> None:
         """Check that the arms are clear of each other where all start and where all end.

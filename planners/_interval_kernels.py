@@ -46,8 +46,7 @@ class Windows(NamedTuple):
 
 @njit
 def _accelerations(rows: Rows, p: int, q: int, x: float) -> tuple[float, float]:
-    """The interval of constant ``u`` that all rows from p to q allow (those with friction: at p, ``_drags`` has the
-    rest)."""
+    """The interval of constant ``u`` that all rows from p to q allow; of those with friction ``_drags`` asks the rest."""
     lowest, highest = -np.inf, np.inf
     begin = rows.station[p]
     for m in range(p, q + 1):
@@ -190,28 +189,13 @@ def _wait(windows: Windows, i: int, last: int, label: Array, count: int, out: Ar
 
 
 @njit
-def _levels_reached(
-    rows: Rows, lattice: Lattice, i: int, x: float, bounds: Array
-) -> tuple[int, int]:
-    """First and one past the last level of station i + 1 that a constant ``u`` reaches from ``x``; bounds of ``u``."""
-    p, q = lattice.pick[i], lattice.pick[i + 1]
-    u_low, u_high = _accelerations(rows, p, q, x)
-    bounds[0], bounds[1] = u_low, u_high
-    if u_low > u_high:
-        return 0, 0
-    d2 = 2.0 * (rows.station[q] - rows.station[p])
-    width = lattice.width[i + 1]
-    low, high = x + d2 * u_low, x + d2 * u_high
-    scale = 1e-12 * (x + abs(high))
-    first = np.searchsorted(lattice.level[i + 1, :width], low - scale)
-    after = np.searchsorted(lattice.level[i + 1, :width], high + scale, side="right")
-    return int(first), int(after)
+def _span(x: float, d2: float, u_low: float, u_high: float) -> tuple[float, float, float]:
+    """The ``x`` that are met after ``d2 / 2`` from ``x``, and the rounding in them."""
+    return x + d2 * u_low, x + d2 * u_high, 1e-12 * (x + abs(d2 * u_high))
 
 
 @njit
-def reach(
-    rows: Rows, lattice: Lattice, windows: Windows, horizon: float, label: Array, count: Ints
-) -> None:
+def reach(rows: Rows, lattice: Lattice, windows: Windows, horizon: float, label: Array, count: Ints) -> None:
     """Fill the times at which every state can be reached from rest at the first station, before ``horizon``.
 
     ``label`` (N+1, K, L, 2) and ``count`` (N+1, K), zero at first; labels of states at rest end up grown by waiting.
@@ -220,7 +204,6 @@ def reach(
     shut = np.empty((SHUT, 2))
     pieces = np.empty((LABELS + SHUT, 2))
     grown = np.empty((label.shape[2], 2))
-    bounds = np.empty(2)
     friction = (rows.r != 0.0).any()
     label[0, 0, 0, 0] = label[0, 0, 0, 1] = 0.0
     count[0, 0] = 1
@@ -237,7 +220,13 @@ def reach(
             if count[i, k] == 0:
                 continue
             x = lattice.level[i, k]
-            first, after = _levels_reached(rows, lattice, i, x, bounds)
+            u_low, u_high = _accelerations(rows, lattice.pick[i], lattice.pick[i + 1], x)
+            if u_low > u_high:
+                continue
+            low, high, scale = _span(x, 2.0 * way, u_low, u_high)
+            reached = lattice.level[i + 1, : lattice.width[i + 1]]
+            first = np.searchsorted(reached, low - scale)
+            after = np.searchsorted(reached, high + scale, side="right")
             for to in range(first, after):
                 x_to = lattice.level[i + 1, to]
                 if x + x_to <= 0.0:
@@ -276,7 +265,14 @@ def arrival(windows: Windows, label: Array, count: int) -> float:
 
 @njit
 def trace(
-    rows: Rows, lattice: Lattice, windows: Windows, label: Array, count: Ints, end: int, time: float, x: Array,
+    rows: Rows,
+    lattice: Lattice,
+    windows: Windows,
+    label: Array,
+    count: Ints,
+    end: int,
+    time: float,
+    x: Array,
     leave: Array,
 ) -> int:
     """Walk back from the last station (level ``end`` at ``time``); fills ``x`` and the times of leaving stations.
@@ -286,7 +282,6 @@ def trace(
     last = lattice.pick.shape[0] - 1
     shut = np.empty((SHUT, 2))
     pieces = np.empty((LABELS + SHUT, 2))
-    bounds = np.empty(2)
     x[last], leave[last] = lattice.level[last, end], time
     u_after = 0.0
     for i in range(last - 1, -1, -1):
@@ -311,11 +306,11 @@ def trace(
             u = (x_to - x_from) / (2.0 * way)
             if abs(u - u_after) >= least:
                 continue
-            first, after = _levels_reached(rows, lattice, i, x_from, bounds)
-            to = first
-            while to < after and lattice.level[i + 1, to] != x_to:
-                to += 1
-            if to == after or not _drags(rows, lattice.pick[i], lattice.pick[i + 1], x_from, u):
+            u_low, u_high = _accelerations(rows, lattice.pick[i], lattice.pick[i + 1], x_from)
+            low, high, scale = _span(x_from, 2.0 * way, u_low, u_high)
+            if not low - scale <= x_to <= high + scale:
+                continue
+            if not _drags(rows, lattice.pick[i], lattice.pick[i + 1], x_from, u):
                 continue
             duration = 2.0 * way / (np.sqrt(x_from) + np.sqrt(x_to))
             closed = _shut_departures(windows, i, x_from, u, shut)

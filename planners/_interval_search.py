@@ -8,8 +8,8 @@ one. A level of ``x`` is reached by one constant ``u`` between two stations, so 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, final
 
@@ -17,12 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
 from armtempo.planners._phase_kernels import Rows, can_hold
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
-from armtempo.planners._time_windows import Occupancy, Runs, blocked_runs, forbidden_windows
+from armtempo.planners._time_windows import Occupancy, Runs, forbidden_windows
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
@@ -76,12 +75,11 @@ class IntervalSearch:
 
     Attributes:
         plane: The arm's phase plane.
-        charts: One per other arm, first index along the other's path, second along this one's.
+        runs_with: Gives the runs of the chart with another arm (first index along the other's path).
     """
 
     plane: PhasePlane
-    charts: tuple[CoordinationChart, ...]
-    _rows: dict[float, Rows] = field(default_factory=dict, repr=False)
+    runs_with: Callable[[int], Runs]
 
     @cached_property
     def _stations(self) -> Ints:
@@ -103,27 +101,20 @@ class IntervalSearch:
         return np.union1d(station, np.linspace(0.0, self.plane.length, SLOTS + 1)[1:-1])
 
     @cached_property
-    def _runs(self) -> tuple[Runs, ...]:
-        return tuple(blocked_runs(chart, self._border) for chart in self.charts)
-
-    @cached_property
     def _hold(self) -> NDArray[np.bool_]:
         return can_hold(self.plane.rows, self.plane.edges)
 
-    def occupancies(self, others: Sequence[PhaseTrajectory]) -> list[Occupancy]:
-        """When the other arms are where, for ``respond``."""
-        return [
-            Occupancy.of(other, chart.length_a, chart.resolution)
-            for other, chart in zip(others, self.charts, strict=True)
-        ]
-
     def respond(
-        self, others: Sequence[Occupancy], *, horizon: float = np.inf, stages: Sequence[Stage] = FULL
+        self,
+        others: Mapping[int, PhaseTrajectory | Occupancy],
+        *,
+        horizon: float = np.inf,
+        stages: Sequence[Stage] = FULL,
     ) -> PhaseTrajectory:
         """The earliest arrival found.
 
         Args:
-            others: When the others are in which column of the charts, in their order.
+            others: How the other arms move, or when they are in which column of the chart.
             horizon: Arrivals later than this are of no use [s].
             stages: Searches to make, the first over all of the controllable set.
 
@@ -132,7 +123,9 @@ class IntervalSearch:
         """
         if self.plane.edges.low[0] > 0.0:
             raise InfeasibleError("the arm cannot start from rest", remedy="move the start of its path")
-        first, start, stop = forbidden_windows(self._runs, others)
+        first, start, stop = forbidden_windows(
+            self._border, [(self.runs_with(j), other) for j, other in others.items()]
+        )
         self._check_ends(first, start, stop)
         reserve = 0.0
         for _ in range(4):

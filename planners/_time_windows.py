@@ -1,8 +1,9 @@
 """When another arm forbids which part of a path: from its motion and the chart of both to windows of time.
 
-While arm a is in column c of the chart, arm b must keep out of the rows that are not free there. A *slot* is a piece
-of b's path between two borders; the runs of columns that are not free beside it are found once per chart, and every
-motion of a turns each run into one window: from its entering the first column to its leaving the last.
+While arm a is in column c of the chart, arm b must keep out of the rows that are not free there. The
+runs of columns that are not free beside each row are found once per chart; every motion of a turns a run into one
+window: from its entering the first column to its leaving the last. A *slot* is a piece of b's path between two
+borders: it has the windows of all rows that it touches, and of all other arms.
 """
 
 from __future__ import annotations
@@ -42,11 +43,19 @@ class Occupancy(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Per slot the runs of columns that are not free beside it: slot s has ``first[s]`` to ``first[s + 1] - 1``."""
+    """Per row of a chart the runs of columns that are not free: row r has ``first[r]`` to ``first[r + 1] - 1``."""
 
-    first: Ints
-    low: Ints
-    high: Ints  # last column of the run
+    first: Ints  # (R+1,)
+    low: Ints  # first column of the run
+    high: Ints  # last column of it
+    length_a: float
+    step_b: float
+
+    def windows(self, other: PhaseTrajectory | Occupancy) -> tuple[Array, Array]:
+        """For every run from when to when the other arm is in it, widened by the margin [s]."""
+        if not isinstance(other, Occupancy):
+            other = Occupancy.of(other, self.length_a, len(self.first) - 1)
+        return other.enter[self.low] - MARGIN, other.leave[self.high] + MARGIN
 
 
 def _last_time_at(motion: PhaseTrajectory, lam: Array) -> Array:
@@ -59,43 +68,33 @@ def _last_time_at(motion: PhaseTrajectory, lam: Array) -> Array:
 
 
 @njit
-def _runs(
-    states: NDArray[np.uint8], low: Ints, high: Ints, first: Ints, run_low: Ints, run_high: Ints, fill: bool
-) -> None:
-    """Count (``first[s + 1]``) or fill the runs of columns in which any of the rows ``low[s]`` to ``high[s]`` is shut."""
-    slots = low.shape[0]
-    inside = np.zeros(slots, np.bool_)
-    seen = np.zeros(slots, np.int64)
+def _count_runs(states: NDArray[np.uint8], first: Ints) -> None:
     for column in range(states.shape[0]):
-        for s in range(slots):
-            shut = False
-            for row in range(low[s], high[s] + 1):
-                if states[column, row] != FREE:
-                    shut = True
-                    break
-            if shut and not inside[s]:
-                if fill:
-                    run_low[first[s] + seen[s]] = column
-                else:
-                    first[s + 1] += 1
-                seen[s] += 1
-            if shut and fill:
-                run_high[first[s] + seen[s] - 1] = column
-            inside[s] = shut
+        for row in range(states.shape[1]):
+            shut = states[column, row] != FREE
+            first[row + 1] += shut and (column == 0 or states[column - 1, row] == FREE)
 
 
-def blocked_runs(chart: CoordinationChart, border: Array) -> Runs:
-    """Runs of columns of a chart (first index: the other arm) beside the slots between ``border`` (S+1,)."""
-    low = np.floor(border[:-1] / chart.step_b + 1e-9).astype(np.int64)
-    high = np.ceil(border[1:] / chart.step_b - 1e-9).astype(np.int64) - 1
-    low, high = np.clip(low, 0, chart.resolution - 1), np.clip(high, 0, chart.resolution - 1)
-    first = np.zeros(len(low) + 1, dtype=np.int64)
-    none = np.empty(0, dtype=np.int64)
-    _runs(chart.states, low, high, first, none, none, False)
+@njit
+def _fill_runs(states: NDArray[np.uint8], first: Ints, low: Ints, high: Ints) -> None:
+    seen = first[:-1].copy()
+    for column in range(states.shape[0]):
+        for row in range(states.shape[1]):
+            if states[column, row] != FREE:
+                if column == 0 or states[column - 1, row] == FREE:
+                    low[seen[row]] = column
+                    seen[row] += 1
+                high[seen[row] - 1] = column
+
+
+def blocked_runs(chart: CoordinationChart) -> Runs:
+    """The runs of a chart whose first index is along the other arm's path."""
+    first = np.zeros(chart.resolution + 1, dtype=np.int64)
+    _count_runs(chart.states, first)
     np.cumsum(first, out=first)
-    run_low, run_high = np.empty(first[-1], dtype=np.int64), np.empty(first[-1], dtype=np.int64)
-    _runs(chart.states, low, high, first, run_low, run_high, True)
-    return Runs(first, run_low, run_high)
+    low, high = np.empty(first[-1], dtype=np.int64), np.empty(first[-1], dtype=np.int64)
+    _fill_runs(chart.states, first, low, high)
+    return Runs(first, low, high, chart.length_a, chart.step_b)
 
 
 @njit
@@ -119,15 +118,26 @@ def _merge(first: Ints, start: Array, stop: Array, out_first: Ints) -> int:
     return total
 
 
-def forbidden_windows(runs: Sequence[Runs], others: Sequence[Occupancy]) -> tuple[Ints, Array, Array]:
-    """Windows per slot (CSR: first, start, stop) in which any of the other arms shuts it, each sorted and disjoint."""
-    slots = len(runs[0].first) - 1
-    slot = np.concatenate([np.repeat(np.arange(slots), np.diff(run.first)) for run in runs])
-    start = np.concatenate([other.enter[run.low] for run, other in zip(runs, others, strict=True)]) - MARGIN
-    stop = np.concatenate([other.leave[run.high] for run, other in zip(runs, others, strict=True)]) + MARGIN
+def forbidden_windows(
+    border: Array, others: Sequence[tuple[Runs, PhaseTrajectory | Occupancy]]
+) -> tuple[Ints, Array, Array]:
+    """Windows per slot between ``border`` (S+1,) in which any other arm shuts it: CSR first, start, stop; disjoint."""
+    slots, starts, stops = [], [], []
+    for runs, other in others:
+        rows = len(runs.first) - 1
+        row_low = np.clip(np.floor(border[:-1] / runs.step_b + 1e-9).astype(np.int64), 0, rows - 1)
+        row_high = np.clip(np.ceil(border[1:] / runs.step_b - 1e-9).astype(np.int64) - 1, row_low, rows - 1)
+        begin, end = runs.first[row_low], runs.first[row_high + 1]  # the runs of neighbouring rows stand side by side
+        count = end - begin
+        which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - begin, count)
+        start, stop = runs.windows(other)
+        slots.append(np.repeat(np.arange(len(begin)), count))
+        starts.append(start[which])
+        stops.append(stop[which])
+    slot = np.concatenate([np.empty(0, dtype=np.int64), *slots])
     order = np.argsort(slot, kind="stable")
-    start, stop = start[order], stop[order]
-    first = np.concatenate([[0], np.cumsum(np.bincount(slot, minlength=slots))]).astype(np.int64)
+    start, stop = np.concatenate([np.empty(0), *starts])[order], np.concatenate([np.empty(0), *stops])[order]
+    first = np.concatenate([[0], np.cumsum(np.bincount(slot, minlength=len(border) - 1))]).astype(np.int64)
     merged = np.empty_like(first)
     total = _merge(first, start, stop, merged)
     return merged, start[:total].copy(), stop[:total].copy()
