@@ -46,7 +46,7 @@ class Windows(NamedTuple):
 
 @njit
 def _accelerations(rows: Rows, p: int, q: int, x: float) -> tuple[float, float]:
-    """The interval of constant ``u`` that all rows from p to q allow; of those with friction ``_drags`` asks the rest."""
+    """The interval of constant ``u`` that all rows from p to q allow (of those with friction: the rows at p)."""
     lowest, highest = -np.inf, np.inf
     begin = rows.station[p]
     for m in range(p, q + 1):
