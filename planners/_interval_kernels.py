@@ -195,8 +195,8 @@ def _span(x: float, d2: float, u_low: float, u_high: float) -> tuple[float, floa
 
 
 @njit
-def reach(rows: Rows, lattice: Lattice, windows: Windows, horizon: float, label: Array, count: Ints) -> None:
-    """Fill the times at which every state can be reached from rest at the first station, before ``horizon``.
+def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Array, label: Array, count: Ints) -> None:
+    """Fill the times, to ``latest`` (N+1,) per station, at which every state can be reached from rest at the first.
 
     ``label`` (N+1, K, L, 2) and ``count`` (N+1, K), zero at first; labels of states at rest end up grown by waiting.
     """
@@ -244,7 +244,7 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, horizon: float, label:
                         if n == 0:
                             break
                     for piece in range(n):
-                        if pieces[piece, 0] + time <= horizon:
+                        if pieces[piece, 0] + time <= latest[i + 1]:
                             count[i + 1, to] = _insert(
                                 label[i + 1, to], count[i + 1, to], pieces[piece, 0] + time, pieces[piece, 1] + time
                             )

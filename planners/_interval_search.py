@@ -30,18 +30,24 @@ Ints = NDArray[np.int64]
 FINEST = 1200  # intervals between stations at most
 SLOTS = 1024  # equal pieces of the path, at least, with windows of their own
 TORQUE_TOLERANCE = 1e-3
+GAIN = 2e-4  # share of the arrival time that is worth another search
 
 
 class Stage(NamedTuple):
-    """One search: intervals between stations, levels per station, half width of the tube as a share of the edge."""
+    """One search: intervals between stations, levels per station, half width of the tube as a share of the edge.
+
+    ``levels / (tube * intervals)`` is the number of levels that the torque limits leave to choose from per interval:
+    some eight are needed to follow those limits. ``repeats``: redrawn round what it found, as long as that gains.
+    """
 
     intervals: int
     levels: int
-    tube: float  # 1: all of the controllable set
+    tube: float
+    repeats: int
 
 
-COARSE = (Stage(128, 161, 1.0), Stage(256, 41, 0.08))
-FULL = (*COARSE, Stage(512, 41, 0.03), Stage(FINEST, 41, 0.01), Stage(FINEST, 41, 0.003))
+COARSE = (Stage(128, 161, 0.5, 1), Stage(128, 121, 0.12, 4))
+FULL = (*COARSE, Stage(256, 81, 0.04, 3), Stage(512, 61, 0.015, 3), Stage(FINEST, 61, 0.0075, 4))
 
 
 @njit
@@ -167,15 +173,27 @@ class IntervalSearch:
             pick = self._stations[::step]
             if pick[-1] != self._stations[-1]:
                 pick = np.append(pick, self._stations[-1])
-            lattice = self._lattice(pick, stage, found)
-            better = _earliest(rows, lattice, self._windows(pick, first, start, stop), horizon)
-            if better is None:
-                if found is None:
-                    raise InfeasibleError("no gap between the others' motions lets the arm through", reason="no gap")
-                continue
-            found, horizon = better, float(better.leave[-1]) * (1.0 + 1e-9)
+            windows = self._windows(pick, first, start, stop)
+            for _ in range(stage.repeats):
+                # who is not past a station by then cannot arrive in time, whatever it does
+                latest = horizon - self._to_go[pick]
+                better = _earliest(rows, self._lattice(pick, stage, found), windows, latest)
+                if better is None:
+                    break
+                gained = found is None or better.leave[-1] < (1.0 - GAIN) * found.leave[-1]
+                if found is None or better.leave[-1] <= found.leave[-1] * (1.0 + 1e-9):
+                    found, horizon = better, float(better.leave[-1]) * (1.0 + 1e-9)
+                if not gained:
+                    break
+            if found is None:
+                raise InfeasibleError("no gap between the others' motions lets the arm through", reason="no gap")
         assert found is not None
         return self._motion(found)
+
+    @cached_property
+    def _to_go(self) -> Array:
+        """Minimum time from every row of the grid to the end [s]."""
+        return self.fastest.duration - self.fastest.time_at(self.plane.rows.station)
 
     def _lattice(self, pick: Ints, stage: Stage, found: _Found | None) -> Lattice:
         edges, station = self.plane.edges, self.plane.rows.station
@@ -207,11 +225,11 @@ class IntervalSearch:
         )
 
 
-def _earliest(rows: Rows, lattice: Lattice, windows: Windows, horizon: float) -> _Found | None:
+def _earliest(rows: Rows, lattice: Lattice, windows: Windows, latest: Array) -> _Found | None:
     """The motion through a lattice that arrives first, if there is one."""
     label = np.empty((*lattice.level.shape, LABELS, 2))
     count = np.zeros(lattice.level.shape, dtype=np.int64)
-    reach(rows, lattice, windows, horizon, label, count)
+    reach(rows, lattice, windows, latest, label, count)
     time = arrival(windows, label[-1, 0], count[-1, 0])
     if not np.isfinite(time):
         return None
