@@ -8,13 +8,15 @@ from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
+from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
-from armtempo.planners._makespan_bound import makespan_bound
+from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl
@@ -30,19 +32,24 @@ __all__ = [
     "ChartRegion",
     "CoordinationChart",
     "Island",
+    "IntervalSearch",
     "JointPath",
     "JointTrajectory",
     "Line",
+    "MakespanBound",
     "Mode",
     "MotionCertificate",
+    "PairBound",
     "PathDynamics",
     "PathTable",
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
+    "PriorityClass",
     "Schedule",
     "ScheduleCertificate",
     "Segment",
+    "TimingProblem",
     "TwoLinkPath",
     "VciPlan",
     "VelocityControl",
@@ -53,6 +60,7 @@ __all__ = [
     "load_cell",
     "makespan_bound",
     "minimum_time",
+    "pair_bound",
     "path_point",
     "phase_kernels",
     "refined_plane",

@@ -7,14 +7,15 @@ from functools import cached_property
 from typing import final
 
 from armtempo.configs import CellConfig
-from armtempo.errors import CollisionError
+from armtempo.errors import CollisionError, InputError
 from armtempo.planners._arm_sweep import swept_displacements
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath
-from armtempo.planners._makespan_bound import makespan_bound
+from armtempo.planners._makespan_bound import MakespanBound, PriorityClass
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
+from armtempo.planners._timing_problem import TimingProblem
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
@@ -79,44 +80,76 @@ class Cell:
         """Simulation steps between two decisions."""
         return self.config.ticks_per_period
 
-    @cached_property
+    @property
     def fastest(self) -> tuple[PhaseTrajectory, ...]:
         """The minimum-time motion of every arm."""
-        return tuple(plane.fastest() for plane in self.planes)
+        return self.timing.fastest
 
     @property
     def sequential_makespan(self) -> float:
         """Minimum times of all arms, one after the other [s]."""
         return sum(motion.duration for motion in self.fastest)
 
-    def _chart(self, d_min: float) -> CoordinationChart:
-        return CoordinationChart.build(
-            self.arms[0],
-            self.paths[0],
-            self.arms[1],
-            self.paths[1],
-            d_min,
-            self.config.chart_tolerance(max(path.length for path in self.paths[:2])),
+    @cached_property
+    def _charts(self) -> dict[tuple[int, int, float], CoordinationChart]:
+        return {}  # filled as pairs are asked for
+
+    def _chart(self, i: int, j: int, d_min: float) -> CoordinationChart:
+        if i == j or not (0 <= i < len(self.arms) and 0 <= j < len(self.arms)):
+            raise InputError(f"cell {self.name!r} has no pair of arms {(i, j)}; it has {len(self.arms)} arms")
+        if i > j:
+            return self._chart(j, i, d_min).swapped
+        if (i, j, d_min) not in self._charts:
+            self._charts[i, j, d_min] = CoordinationChart.build(
+                self.arms[i],
+                self.paths[i],
+                self.arms[j],
+                self.paths[j],
+                d_min,
+                self.config.chart_tolerance(max(self.paths[k].length for k in (i, j))),
+            )
+        return self._charts[i, j, d_min]
+
+    def chart_between(self, i: int, j: int) -> CoordinationChart:
+        """Coordination chart of arms i and j for planning, first index along path i: at ``d_min`` plus the reserve."""
+        return self._chart(i, j, self.planned_clearance)
+
+    def bound_chart_between(self, i: int, j: int) -> CoordinationChart:
+        """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``."""
+        return self._chart(i, j, self.d_min)
+
+    @property
+    def chart(self) -> CoordinationChart:
+        """Coordination chart of the first two arms for planning."""
+        return self.chart_between(0, 1)
+
+    @property
+    def bound_chart(self) -> CoordinationChart:
+        """Coordination chart of the first two arms for bounds."""
+        return self.bound_chart_between(0, 1)
+
+    @cached_property
+    def timing(self) -> TimingProblem:
+        """The planes and charts alone: what is left to decide is when."""
+        return TimingProblem(
+            names=tuple(arm.name for arm in self.arms),
+            planes=self.planes,
+            chart_between=self.chart_between,
+            bound_chart_between=self.bound_chart_between,
+            bound_motions=self._bound_motions,
         )
 
-    @cached_property
-    def chart(self) -> CoordinationChart:
-        """Coordination chart of the first two arms for planning: at ``d_min`` plus the reserve."""
-        return self._chart(self.planned_clearance)
+    @property
+    def holdable(self) -> tuple[bool, ...]:
+        """Per arm whether it can hold still wherever it is on its path."""
+        return self.timing.holdable
 
-    @cached_property
-    def bound_chart(self) -> CoordinationChart:
-        """Coordination chart of the first two arms for bounds: at ``d_min``."""
-        return self._chart(self.d_min)
+    def _bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
+        """Minimum-time motions from a grid much finer than the plans', and twice what halving it changes.
 
-    @cached_property
-    def lower_bound(self) -> float:
-        """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite.
-
-        It rests on the minimum times alone, which a grid overestimates: they come from a grid much finer than the
-        plans', and twice what halving it changes is taken off.
+        A grid overestimates minimum times: bounds take that share off.
         """
-        fastest, shares = [], []
+        motions = []
         for arm, path in zip(self.arms, self.paths, strict=True):
             coarse, fine = (
                 PhasePlane(
@@ -124,11 +157,27 @@ class Cell:
                 ).fastest()
                 for intervals in (BOUND_GRID // 2, BOUND_GRID)
             )
-            fastest.append(fine)
-            shares.append(1.0 - 2.0 * abs(coarse.duration - fine.duration) / fine.duration)
-        if len(fastest) == 1:
-            return shares[0] * fastest[0].duration
-        return makespan_bound(fastest[0], fastest[1], self.bound_chart) * min(shares)
+            motions.append((fine, 2.0 * abs(coarse.duration - fine.duration) / fine.duration))
+        return tuple(motions)
+
+    @property
+    def bound(self) -> MakespanBound:
+        """Lower bound on the makespan of any timing within the planned torque limits, and the class of every pair."""
+        return self.timing.bound
+
+    @property
+    def lower_bound(self) -> float:
+        """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite."""
+        return self.bound.time
+
+    @property
+    def priority_class(self) -> PriorityClass:
+        """``free``, ``uniform`` (a start delay is optimal), ``mixed`` (timing must be shaped) or ``infeasible``."""
+        return self.bound.priority_class
+
+    def pair_class(self, i: int, j: int) -> PriorityClass:
+        """The class of two arms alone."""
+        return self.bound.classes[min(i, j), max(i, j)]
 
     def check_ends(self) -> None:
         """Check that the arms are clear of each other where all start and where all end.

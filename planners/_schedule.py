@@ -7,34 +7,32 @@ start delayed
 delayed
 ``delay``                  minimum time, start delayed ("method 1" of Lee1991 section 2.4)
 ``vci``                    velocity control intervals ("method 3", the paper's own)
-``optimal``                the shorter ``delay`` of both orders: the optimum where one arm goes first through every
-region
-
-**Delay.** With ``tau(lambda)`` the time at which the master releases the slave's place ``lambda`` for good and
-``theta(lambda)`` the time at which the slave's own motion is there, the start must wait for
-``max over lambda of (tau - theta)``; for minimum-time motions that is the optimum of its order (coordination FACT 3).
+``offset``                 minimum time, started at the first instant from which it runs through without a conflict
+``interval``               minimum time for the first arm; the others shape their motions round those before them
+``optimal``                the best plan found with all arms free to yield, in any order
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.planners._best_responses import optimal, prioritised
 from armtempo.planners._cell import Cell
-from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
+from armtempo.planners._start_delays import delayed, offset, one_by_one
 from armtempo.planners._vci import VciPlan, VelocityControl
 
 Array = NDArray[np.float64]
 
-RELEASE_MARGIN = 1e-5  # [s] added to a start delay, so that the motion passes beside the corner of a chart cell
 AUDIT_PERIOD = 0.0002  # [s] between FCL distances in a certificate
 
 
@@ -65,8 +63,9 @@ class Schedule:
         method: The planner's name.
         cell: What was planned for.
         trajectories: One per arm, in priority order; each ends when its arm arrives.
-        order: Arms in the order in which they pass.
+        order: Arms by priority: in the order in which they pass, or, where each passes first somewhere, arrive.
         vci: What velocity control did, where it was asked.
+        fallback: The method that planned instead of the one asked for, where that found no way.
     """
 
     method: str
@@ -74,6 +73,7 @@ class Schedule:
     trajectories: tuple[PhaseTrajectory, ...]
     order: tuple[int, ...]
     vci: VciPlan | None = None
+    fallback: str | None = None
 
     @property
     def makespan(self) -> float:
@@ -116,15 +116,16 @@ class Schedule:
         return float(nearest)
 
     def _certify_free(self) -> bool:
-        """Cover the motion with boxes of the chart that are free, splitting those that are not until they are tiny."""
-        if len(self.trajectories) < 2:
-            return True
-        chart = self.cell.chart
-        first, second = self.trajectories
+        """Cover the motion with boxes of the charts that are free, splitting those that are not until they are tiny."""
+        return all(self._certify_pair(i, j) for i, j in combinations(range(len(self.trajectories)), 2))
+
+    def _certify_pair(self, i: int, j: int) -> bool:
+        chart = self.cell.chart_between(i, j)
+        sides = ((self.trajectories[i], chart.length_a), (self.trajectories[j], chart.length_b))
 
         def covered(start: float, stop: float, depth: int) -> bool:
             boxes = []
-            for trajectory, length in ((first, chart.length_a), (second, chart.length_b)):
+            for trajectory, length in sides:
                 low, high = trajectory.at(np.minimum([start, stop], trajectory.duration))[0]
                 boxes.append((min(float(low), length), min(float(high), length)))
             if chart.is_free(boxes[0], boxes[1]):
@@ -137,82 +138,27 @@ class Schedule:
         return covered(0.0, self.makespan, 24)
 
 
-def _start_delay(
-    chart: CoordinationChart, master: PhaseTrajectory, slave: PhaseTrajectory, names: tuple[str, str]
-) -> float:
-    """The shortest wait [s] before ``slave`` that keeps it behind ``master`` in every collision region.
-
-    Raises:
-        InfeasibleError: The slave's start is not safe to wait in, or the master's end is in the slave's way.
-    """
-    rows = np.flatnonzero(chart.last_column >= 0)
-    if not len(rows):
-        return 0.0
-    if rows[0] == 0:
-        raise InfeasibleError(
-            f"arm {names[1]!r} cannot wait at its start: arm {names[0]!r} passes closer than {chart.d_min:.4g} m",
-            remedy="let it go first (swap the order of the arms), lower d_min_m, or move its start",
-            reason="unsafe start",
-        )
-    last = chart.last_column[rows]
-    if last.max() >= chart.resolution - 1:
-        raise InfeasibleError(
-            f"arm {names[0]!r} ends in the way of arm {names[1]!r}: closer than {chart.d_min:.4g} m for ever",
-            remedy="let the other go first (swap the order of the arms), or move its end",
-            reason="parked in the way",
-        )
-    released = master.time_at((last + 1) * chart.step_a)
-    reached = slave.time_at(rows * chart.step_b)
-    wait = float((released - reached).max())
-    return wait + RELEASE_MARGIN if wait > 0.0 else 0.0
-
-
-def _delayed(cell: Cell, motions: tuple[PhaseTrajectory, ...], order: tuple[int, ...]) -> tuple[PhaseTrajectory, ...]:
-    """The motions of two arms with the start of the second in ``order`` delayed."""
-    first, second = order
-    chart = cell.chart if order == (0, 1) else cell.chart.swapped
-    names = (cell.arms[first].name, cell.arms[second].name)
-    wait = _start_delay(chart, motions[first], motions[second], names)
-    delayed = list(motions)
-    delayed[second] = motions[second].delayed(wait)
-    return tuple(delayed)
-
-
 def _sequential(cell: Cell, order: tuple[int, ...]) -> Schedule:
-    try:
-        _delayed(cell, cell.fastest, order)  # the second must be able to wait for all of the first
-    except InfeasibleError:
-        _delayed(cell, cell.fastest, order[::-1])
-        order = order[::-1]
-    first, second = order
-    motions = list(cell.fastest)
-    motions[second] = motions[second].delayed(motions[first].duration)
-    return Schedule(method="sequential", cell=cell, trajectories=tuple(motions), order=order)
+    motions, order = one_by_one(cell.timing, order)
+    return Schedule(method="sequential", cell=cell, trajectories=motions, order=order)
 
 
 def _delay(cell: Cell, order: tuple[int, ...]) -> Schedule:
-    return Schedule(method="delay", cell=cell, trajectories=_delayed(cell, cell.fastest, order), order=order)
+    motions = delayed(cell.timing, cell.fastest, order)
+    return Schedule(method="delay", cell=cell, trajectories=motions, order=order)
+
+
+def _offset(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    return Schedule(method="offset", cell=cell, trajectories=offset(cell.timing, order), order=order)
+
+
+def _interval(cell: Cell, order: tuple[int, ...]) -> Schedule:
+    return Schedule(method="interval", cell=cell, trajectories=prioritised(cell.timing, order), order=order)
 
 
 def _optimal(cell: Cell, order: tuple[int, ...]) -> Schedule:
-    options, refusals = [], []
-    for candidate in (order, order[::-1]):
-        try:
-            options.append(_delay(cell, candidate))
-        except InfeasibleError as refusal:
-            refusals.append(refusal.message)
-    if not options and cell.lower_bound == float("inf"):
-        raise InfeasibleError(
-            f"no timing at all keeps the arms of cell {cell.name!r} {cell.d_min:.4g} m apart (certified)",
-            remedy="lower d_min_m, or move a path or a base",
-        )
-    if not options:
-        raise InfeasibleError(
-            f"neither arm of cell {cell.name!r} can go first through every collision region: {'; '.join(refusals)}",
-            remedy="move a start, an end or a base",
-        )
-    best = min(options, key=lambda option: option.makespan)
-    return Schedule(method="optimal", cell=cell, trajectories=best.trajectories, order=best.order)
+    motions, found = optimal(cell.timing)
+    return Schedule(method="optimal", cell=cell, trajectories=motions, order=found)
 
 
 def _constant_speed(cell: Cell, order: tuple[int, ...]) -> Schedule:
@@ -227,9 +173,7 @@ _RAMPS = {"constant-speed": 0.25, "constant-acceleration": 0.5}
 
 
 def _trapezoidal(cell: Cell, order: tuple[int, ...], method: str) -> Schedule:
-    motions = tuple(_trapezoid(plane, _RAMPS[method]) for plane in cell.planes)
-    if len(motions) > 1:
-        motions = _delayed(cell, motions, order)
+    motions = delayed(cell.timing, tuple(_trapezoid(plane, _RAMPS[method]) for plane in cell.planes), order)
     return Schedule(method=method, cell=cell, trajectories=motions, order=order)
 
 
@@ -261,15 +205,27 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
 
 
 def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:
+    if len(order) > 2:
+        raise InfeasibleError(
+            f"cell {cell.name!r} has {len(order)} arms: velocity control keeps one arm behind one other",
+            remedy="use 'interval' or 'optimal', or leave two arms in the cell",
+        )
     first, second = order
     control = VelocityControl(
         slave=cell.planes[second],
         master=cell.planes[first],
-        chart=cell.chart if order == (0, 1) else cell.chart.swapped,
+        chart=cell.chart_between(first, second),
         period=cell.control_period if period is None else period,
     )
-    plan = control.plan(cell.fastest[first])
     motions = list(cell.fastest)
+    try:
+        plan = control.plan(cell.fastest[first])
+    except InfeasibleError as refusal:
+        try:  # the slave may not be able to stay behind everywhere, and yet have a way
+            shaped = prioritised(cell.timing, order)
+        except InfeasibleError:
+            raise refusal from None
+        return Schedule(method="vci", cell=cell, trajectories=shaped, order=order, fallback="interval")
     motions[second] = plan.trajectory
     return Schedule(method="vci", cell=cell, trajectories=tuple(motions), order=order, vci=plan)
 
@@ -280,34 +236,39 @@ _PLANNERS: dict[str, Callable[..., Schedule]] = {
     "constant-acceleration": _constant_acceleration,
     "delay": _delay,
     "vci": _vci,
+    "offset": _offset,
+    "interval": _interval,
     "optimal": _optimal,
 }
 METHODS = tuple(_PLANNERS)
 
 
-def schedule(cell: Cell, method: str, **options: Any) -> Schedule:
+def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, **options: Any) -> Schedule:
     """Plan when every arm of a cell moves.
 
     Args:
         cell: Arms on their paths, the first with priority.
         method: One of ``METHODS``.
+        order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
+            is safe, ``optimal`` does without it.
         **options: ``period`` [s] for ``vci`` (default: the cell's control period).
 
     Raises:
         UnknownNameError: No such method.
+        InputError: ``order`` does not name every arm once.
         CollisionError: The arms are too close where they start or where they end.
-        InfeasibleError: The method has no solution here; the message says why, and what to try.
+        InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
+            has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
     if method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
-    if len(cell.arms) == 1:
+    arms = tuple(range(len(cell.arms)))
+    chosen = arms if order is None else tuple(order)
+    if tuple(sorted(chosen)) != arms:
+        raise InputError(f"order {chosen} must name each of the {len(arms)} arms once, by its index")
+    if len(arms) == 1:
         if method in _RAMPS:
             return _trapezoidal(cell, (0,), method)
         return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
-    if len(cell.arms) > 2:
-        raise InfeasibleError(
-            f"cell {cell.name!r} has {len(cell.arms)} arms: two are scheduled in this version",
-            remedy="leave two arms in the cell",
-        )
     cell.check_ends()
-    return _PLANNERS[method](cell, (0, 1), **options)
+    return _PLANNERS[method](cell, chosen, **options)

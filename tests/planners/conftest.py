@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from armtempo.configs import data_path
-from armtempo.planners import JointPath, PathDynamics
+from armtempo.planners import CoordinationChart, JointPath, PathDynamics, PhasePlane, TimingProblem
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -64,6 +64,54 @@ def spline_dynamics(make_arm: Callable[..., Arm]) -> Callable[..., PathDynamics]
         knots = np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 2))
         arm = make_arm(gravity=VERTICAL if gravity else (0.0, 0.0, -9.81), torque_max=limits)
         return PathDynamics.from_path(arm, SplinePath(knots), intervals=intervals)
+
+    return make
+
+
+def double_integrator(stations: int = 400, limit: float = 1.0) -> PhasePlane:
+    """A path of length 1 with |mu_dot| <= limit: what is optimal on it is known in closed form."""
+    grid, one, zero = np.linspace(0.0, 1.0, stations + 1), np.ones((stations + 1, 1)), np.zeros((stations + 1, 1))
+    return PhasePlane(PathDynamics(grid, one, zero, zero, zero, [-limit], [limit]))
+
+
+def chart_of(states: NDArray[np.uint8]) -> CoordinationChart:
+    return CoordinationChart(states=states, length_a=1.0, length_b=1.0, d_min=0.01)
+
+
+@pytest.fixture(scope="session")
+def make_problem() -> Callable[..., TimingProblem]:
+    """Double integrators with charts by hand: per pair (i, j), i < j, rectangles (a0, a1, b0, b1) that are blocked.
+
+    Or whole arrays of states in their place; ``planes`` in place of equal double integrators.
+    """
+
+    def make(
+        pairs: dict[tuple[int, int], Any], arms: int = 2, resolution: int = 256, planes: Any = None
+    ) -> TimingProblem:
+        charts = {}
+        for i in range(arms):
+            for j in range(i + 1, arms):
+                blocked = pairs.get((i, j), [])
+                states = np.zeros((resolution, resolution), dtype=np.uint8)
+                if isinstance(blocked, np.ndarray):
+                    states = blocked
+                else:
+                    for a0, a1, b0, b1 in blocked:
+                        rows, columns = (
+                            slice(round(x * resolution), round(y * resolution)) for x, y in ((a0, a1), (b0, b1))
+                        )
+                        states[rows, columns] = 2
+                charts[i, j] = chart_of(states)
+
+        def between(i: int, j: int) -> CoordinationChart:
+            return charts[i, j] if i < j else charts[j, i].swapped
+
+        return TimingProblem(
+            names=tuple("abcdef"[:arms]),
+            planes=planes or tuple(double_integrator() for _ in range(arms)),
+            chart_between=between,
+            bound_chart_between=between,
+        )
 
     return make
 
