@@ -33,7 +33,7 @@ Real = Annotated[float, BeforeValidator(_only_numbers), Field(allow_inf_nan=Fals
 Positive = Annotated[Real, Field(gt=0)]
 NonNegative = Annotated[Real, Field(ge=0)]
 Point = tuple[Real, Real, Real]
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$")]
 ZERO: Point = (0.0, 0.0, 0.0)
 
 

@@ -7,11 +7,12 @@ from functools import cached_property
 from typing import final
 
 from armtempo.configs import CellConfig
-from armtempo.errors import CollisionError
+from armtempo.errors import CollisionError, InputError
 from armtempo.planners._coordination_chart import CoordinationChart, swept_displacements
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._makespan_bound import makespan_bound
 from armtempo.planners._path_dynamics import PathDynamics
+from armtempo.planners._phase_kernels import can_hold
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.robots import Arm, Clearance, Shape
@@ -88,20 +89,43 @@ class Cell:
         """Minimum times of all arms, one after the other [s]."""
         return sum(motion.duration for motion in self.fastest)
 
-    def _chart(self, d_min: float) -> CoordinationChart:
-        return CoordinationChart.build(
-            self.arms[0], self.paths[0], self.arms[1], self.paths[1], d_min, self.config.chart_tolerance_m
-        )
-
     @cached_property
+    def _charts(self) -> dict[tuple[int, int, float], CoordinationChart]:
+        return {}  # filled as pairs are asked for
+
+    def _chart(self, i: int, j: int, d_min: float) -> CoordinationChart:
+        if i == j or not (0 <= i < len(self.arms) and 0 <= j < len(self.arms)):
+            raise InputError(f"cell {self.name!r} has no pair of arms {(i, j)}; it has {len(self.arms)} arms")
+        if i > j:
+            return self._chart(j, i, d_min).swapped
+        if (i, j, d_min) not in self._charts:
+            self._charts[i, j, d_min] = CoordinationChart.build(
+                self.arms[i], self.paths[i], self.arms[j], self.paths[j], d_min, self.config.chart_tolerance_m
+            )
+        return self._charts[i, j, d_min]
+
+    def chart_between(self, i: int, j: int) -> CoordinationChart:
+        """Coordination chart of arms i and j for planning, first index along path i: at ``d_min`` plus the reserve."""
+        return self._chart(i, j, self.planned_clearance)
+
+    def bound_chart_between(self, i: int, j: int) -> CoordinationChart:
+        """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``."""
+        return self._chart(i, j, self.d_min)
+
+    @property
     def chart(self) -> CoordinationChart:
-        """Coordination chart of the first two arms for planning: at ``d_min`` plus the reserve."""
-        return self._chart(self.planned_clearance)
+        """Coordination chart of the first two arms for planning."""
+        return self.chart_between(0, 1)
+
+    @property
+    def bound_chart(self) -> CoordinationChart:
+        """Coordination chart of the first two arms for bounds."""
+        return self.bound_chart_between(0, 1)
 
     @cached_property
-    def bound_chart(self) -> CoordinationChart:
-        """Coordination chart of the first two arms for bounds: at ``d_min``."""
-        return self._chart(self.d_min)
+    def holdable(self) -> tuple[bool, ...]:
+        """Per arm whether it can hold still wherever it is on its path."""
+        return tuple(bool(can_hold(plane.rows, plane.edges).all()) for plane in self.planes)
 
     @cached_property
     def lower_bound(self) -> float:

@@ -159,7 +159,7 @@ def test_the_bound_is_below_every_plan_and_close(plans: dict[str, Schedule], lee
 
 def with_chart(cell: Cell, states: Floats) -> Cell:
     copy = dataclasses.replace(cell)
-    copy.__dict__["chart"] = chart_of(states, cell.chart)
+    copy.__dict__["_charts"] = {(0, 1, cell.planned_clearance): chart_of(states, cell.chart)}
     return copy
 
 
