@@ -88,6 +88,8 @@ class LimitsConfig(_Model):
     """Largest torque, either way [N m] (prismatic joints: force [N])."""
     speed_rad_s: tuple[Positive | None, ...] | None = None
     """Largest speed, either way [rad/s] (prismatic joints: [m/s])."""
+    acceleration_rad_s2: tuple[Positive | None, ...] | None = None
+    """Largest acceleration, either way [rad/s^2] (prismatic joints: [m/s^2]); null: no limit, a URDF has none."""
     position_rad: tuple[tuple[Real, Real] | None, ...] | None = None
     """Lowest and highest position [rad] (prismatic joints: [m])."""
 
@@ -100,6 +102,15 @@ class LimitsConfig(_Model):
             if low_high is not None and not low_high[0] < low_high[1]:
                 raise ValueError("each range must be [lowest, highest], the lowest first")
         return ranges
+
+
+class FrictionConfig(_Model):
+    """Friction instead of the URDF's, one value per joint from the base on. A null keeps the URDF's."""
+
+    viscous_nm_s_rad: tuple[NonNegative | None, ...] | None = None
+    """Torque per speed [N m s/rad] (prismatic joints: [N s/m])."""
+    coulomb_nm: tuple[NonNegative | None, ...] | None = None
+    """Torque against the motion whatever its speed [N m] (prismatic joints: force [N])."""
 
 
 class LineConfig(_Model):
@@ -183,6 +194,8 @@ class ArmConfig(_Model):
     """Body on the tip link; null: the bare tip link follows the path."""
     limits: LimitsConfig = LimitsConfig()
     """Limits instead of the URDF's."""
+    friction: FrictionConfig = FrictionConfig()
+    """Friction instead of the URDF's."""
     path: PathConfig
     """The given path."""
 

@@ -127,6 +127,9 @@ def _build_arm(config: CellConfig, arm: ArmConfig) -> Arm:
         torque_max=arm.limits.torque_nm,
         speed_max=arm.limits.speed_rad_s,
         position_limits=arm.limits.position_rad,
+        acceleration_max=arm.limits.acceleration_rad_s2,
+        damping=arm.friction.viscous_nm_s_rad,
+        coulomb=arm.friction.coulomb_nm,
     )
 
 

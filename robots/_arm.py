@@ -90,8 +90,12 @@ class Arm:
     """(n,) [rad/s or m/s]."""
     torque_max: Floats
     """(n,) [N m or N], for both signs."""
+    acceleration_max: Floats
+    """(n,) [rad/s^2 or m/s^2], for both signs; inf: no limit. A URDF has none."""
     damping: Floats
     """(n,) viscous friction [N m s/rad or N s/m]."""
+    coulomb: Floats
+    """(n,) Coulomb friction, against the motion whatever its speed [N m or N]."""
     shapes: tuple[Shape, ...]
     model: ArmModel
     capsules: Capsules
@@ -111,6 +115,9 @@ class Arm:
         torque_max: Sequence[float | None] | Floats | None = None,
         speed_max: Sequence[float | None] | Floats | None = None,
         position_limits: Sequence[Sequence[float] | None] | Floats | None = None,
+        acceleration_max: Sequence[float | None] | Floats | None = None,
+        damping: Sequence[float | None] | Floats | None = None,
+        coulomb: Sequence[float | None] | Floats | None = None,
     ) -> Arm:
         """Read the serial chain from the URDF's root to ``tip_link``.
 
@@ -124,6 +131,9 @@ class Arm:
             torque_max: (n,) in place of the URDF's effort limits [N m or N]; None entries keep the URDF's.
             speed_max: (n,) in place of the URDF's velocity limits [rad/s or m/s]; likewise.
             position_limits: (n, 2) lower and upper [rad or m]; likewise.
+            acceleration_max: (n,) [rad/s^2 or m/s^2]; None entries are no limit.
+            damping: (n,) viscous friction in place of the URDF's <dynamics damping> [N m s/rad or N s/m]; likewise.
+            coulomb: (n,) Coulomb friction in place of the URDF's <dynamics friction> [N m or N]; likewise.
 
         Raises:
             RobotError: names file, element and remedy.
@@ -141,6 +151,9 @@ class Arm:
         torque = _limits(file, joints, "effort", "torque_max", torque_max)
         speed = _limits(file, joints, "velocity", "speed_max", speed_max)
         position = _position_limits(file, joints, position_limits)
+        acceleration = _filled([math.inf] * n, joints, "acceleration_max", acceleration_max, zero=False)
+        viscous = _filled([joint.damping for joint in joints], joints, "damping", damping)
+        dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", coulomb)
 
         bodies = [joint.body for joint in joints]
         shapes = list(chain.shapes)
@@ -157,7 +170,6 @@ class Arm:
             if tool.hull is not None:
                 shapes.append(make_shape("convex", (), T_tip, link=n - 1, link_name="tool", vertices=tool.hull))
 
-        damping = _frozen([joint.damping for joint in joints])
         prismatic = np.array([joint.type == "prismatic" for joint in joints])
         prismatic.setflags(write=False)
         model = ArmModel(
@@ -168,7 +180,7 @@ class Arm:
             mass=_frozen([body.mass for body in bodies]),
             com=_frozen([body.com for body in bodies]),
             inertia=_frozen([body.inertia for body in bodies]),
-            damping=damping,
+            damping=viscous,
             gravity=_frozen(g),
             base_R=_frozen(T_base[:3, :3]),
             base_p=_frozen(T_base[:3, 3]),
@@ -188,7 +200,9 @@ class Arm:
             position_max=_frozen(position[:, 1]),
             speed_max=speed,
             torque_max=torque,
-            damping=damping,
+            acceleration_max=acceleration,
+            damping=viscous,
+            coulomb=dry,
             shapes=tuple(shapes),
             model=model,
             capsules=pack(shapes),
@@ -237,7 +251,10 @@ class Arm:
         return J.reshape(*lead, self.dof, self.dof)
 
     def inverse_dynamics(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, friction: bool = True) -> Floats:
-        """Torques (..., n) of Lee1991 eq. 1: J q'' + C[q', q'] + G, with viscous friction unless ``friction=False``."""
+        """Torques (..., n) of Lee1991 eq. 1: J q'' + C[q', q'] + G, and friction unless ``friction=False``.
+
+        Friction is ``damping * qd + coulomb * sign(qd)``: a joint at rest has none.
+        """
         given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
         try:
             given = [np.broadcast_to(array, np.broadcast_shapes(*(a.shape for a in given))) for array in given]
@@ -250,7 +267,7 @@ class Arm:
         tau = np.empty_like(rows)
         kernels.batch_inverse_dynamics(self.model, rows, speed, acceleration, tau)
         if friction:
-            tau += self.damping * speed
+            tau += self.damping * speed + self.coulomb * np.sign(speed)
         return tau.reshape(*lead, self.dof)
 
 
@@ -281,6 +298,31 @@ def _limits(
                 remedy=f"add <limit {attribute}=...> > 0 or give {key}",
                 file=str(file),
                 element=element,
+            )
+        values.append(value)
+    return _frozen(values)
+
+
+def _filled(
+    default: Sequence[float],
+    joints: tuple[ChainJoint, ...],
+    key: str,
+    given: Sequence[float | None] | Floats | None,
+    *,
+    zero: bool = True,
+) -> Floats:
+    """One value per joint: the given one, or the default where it is None."""
+    if given is None:
+        return _frozen(default)
+    _check_length(given, len(joints), key)
+    values = []
+    for i, (own, otherwise) in enumerate(zip(given, default, strict=True)):
+        value = otherwise if own is None else float(own)
+        if not value >= 0.0 or (value == math.inf if zero else value == 0.0):
+            what = ">= 0 and finite" if zero else "> 0"
+            element = f"joint {joints[i].name!r}"
+            raise RobotError(
+                f"{key}[{i}] = {own} for {element} is not {what}", remedy=f"give a number {what}", element=element
             )
         values.append(value)
     return _frozen(values)

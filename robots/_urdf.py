@@ -46,6 +46,7 @@ class ChainJoint:
     effort: float | None
     velocity: float | None
     damping: float
+    coulomb: float
     body: Body
 
 
@@ -243,13 +244,8 @@ class _Reader:
         length = float(np.linalg.norm(joint.axis))
         if not 1e-9 < length < math.inf:
             self.fail(f"joint {joint.name!r}", "has no axis", "give <axis xyz> a direction")
-        limit, dynamics = joint.limit, joint.dynamics
-        try:
-            damping = float(dynamics.damping or 0.0) if dynamics is not None else 0.0
-        except ValueError:
-            damping = math.nan
-        if not 0.0 <= damping < math.inf:
-            self.fail(f"joint {joint.name!r}", "has a bad damping", "give a number >= 0")
+        limit = joint.limit
+        damping, coulomb = (self._friction(joint, attribute) for attribute in ("damping", "friction"))
         continuous = joint.type == "continuous"
         return ChainJoint(
             name=joint.name,
@@ -262,8 +258,18 @@ class _Reader:
             effort=limit and limit.effort,
             velocity=limit and limit.velocity,
             damping=damping,
+            coulomb=coulomb,
             body=body,
         )
+
+    def _friction(self, joint: Any, attribute: str) -> float:
+        try:
+            value = float(getattr(joint.dynamics, attribute, None) or 0.0)
+        except ValueError:
+            value = math.nan
+        if not 0.0 <= value < math.inf:
+            self.fail(f"joint {joint.name!r}", f"has a bad {attribute}", "give a number >= 0")
+        return value
 
     def _shape(self, name: str, index: int, collision: Any, body: int, T: Floats) -> Shape:
         geometry = collision.geometry

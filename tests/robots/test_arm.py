@@ -270,6 +270,24 @@ def test_viscous_friction_is_read_and_added() -> None:
     np.testing.assert_allclose(difference, 0.5 * qd, atol=1e-12)
 
 
+def test_coulomb_friction_is_read_replaced_and_added(tmp_path: Path) -> None:
+    file = tmp_path / "rough.urdf"
+    file.write_text(SLIDER.replace('damping="1.5"', 'damping="1.5" friction="2.5"'))
+    arm = Arm.from_urdf(file)
+    np.testing.assert_array_equal(arm.coulomb, [2.5, 0, 0])
+    np.testing.assert_array_equal(arm.acceleration_max, np.full(3, np.inf))
+    arm = Arm.from_urdf(file, coulomb=[None, 0.3, 0.2], damping=[0, None, 4], acceleration_max=[None, 5, 6])
+    np.testing.assert_array_equal(arm.coulomb, [2.5, 0.3, 0.2])
+    np.testing.assert_array_equal(arm.damping, [0, 0.7, 4])
+    np.testing.assert_array_equal(arm.model.damping, arm.damping)
+    np.testing.assert_array_equal(arm.acceleration_max, [np.inf, 5, 6])
+    q, qd, qdd = states(arm)
+    qd[0] = 0.0
+    difference = arm.inverse_dynamics(q, qd, qdd) - arm.inverse_dynamics(q, qd, qdd, friction=False)
+    np.testing.assert_allclose(difference, arm.damping * qd + arm.coulomb * np.sign(qd), atol=1e-12)
+    np.testing.assert_array_equal(difference[0], 0.0)
+
+
 def test_methods_keep_leading_axes() -> None:
     arm = Arm.from_urdf(PLANAR)
     q = np.zeros((4, 5, 2))
@@ -321,6 +339,10 @@ def test_limits_can_be_replaced() -> None:
         ({"torque_max": [1.0]}, ["torque_max has 1 entries", "give 2"]),
         ({"torque_max": [1.0, -1.0]}, ["torque_max[1]", "joint_2", "> 0"]),
         ({"speed_max": [1.0, float("nan")]}, ["speed_max[1]", "> 0"]),
+        ({"acceleration_max": [1.0, 0.0]}, ["acceleration_max[1] = 0.0", "joint_2", "> 0"]),
+        ({"damping": [1.0, -1.0]}, ["damping[1]", "joint_2", ">= 0"]),
+        ({"coulomb": [float("inf"), 0.0]}, ["coulomb[0]", "joint_1", "finite"]),
+        ({"coulomb": [0.0]}, ["coulomb has 1 entries", "give 2"]),
         ({"position_limits": [(0, 1)]}, ["position_limits has 1"]),
         ({"position_limits": [(0, 1), (2, 1)]}, ["joint_2", "lower < upper"]),
         ({"position_limits": [(0, 1), (2,)]}, ["position_limits[1]", "pair"]),
