@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal, final
 
 import numpy as np
@@ -17,7 +18,7 @@ from armtempo.envs._kernels import control, observe, run_ideal, tip_positions, t
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
 from armtempo.envs._world import State, pack
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, Mode, clearance_table
 
 Array = NDArray[np.float64]
@@ -109,15 +110,14 @@ class Simulation:
             raise UnknownNameError("physics", str(physics), PHYSICS)
         if mode not in MODES:
             raise UnknownNameError("mode", str(mode), MODES)
-        if len(cell.arms) > 2:
-            raise InfeasibleError(f"cell {cell.name!r} has {len(cell.arms)} arms: two are simulated in this version")
         self.cell, self.physics, self.mode, self.record = cell, physics, mode, record
         arms = len(cell.arms)
         width = max(arm.dof for arm in cell.arms)
         tables = []
-        if physics == "ideal" and arms == 2:
+        if physics == "ideal":
             below = cell.d_min + IDEAL_FCL_BELOW
-            tables.append((0, 1, clearance_table(cell.clearance, 0, 1, cell.arms, cell.paths, below)))
+            for i, j in combinations(range(arms), 2):
+                tables.append((i, j, clearance_table(cell.clearance, i, j, cell.arms, cell.paths, below)))
         self._world = pack(cell, mode, tables)
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._starts = np.zeros((arms, width))
@@ -137,7 +137,6 @@ class Simulation:
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
-            pybullet.setTimeStep(cell.physics_tick, physicsClientId=self._scene.client)
             pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
             pybullet.setPhysicsEngineParameter(
                 numSolverIterations=10, deterministicOverlappingPairs=1, physicsClientId=self._scene.client

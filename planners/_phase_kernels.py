@@ -25,6 +25,7 @@ class Rows(NamedTuple):
     station: Array
     a: Array
     b: Array
+    r: Array
     low: Array
     high: Array
     x_cap: Array

@@ -64,6 +64,7 @@ class PhasePlane:
             dynamics.grid,
             dynamics.M,
             dynamics.Q,
+            dynamics.R,
             dynamics.torque_min - dynamics.S,
             dynamics.torque_max - dynamics.S,
             np.minimum(dynamics.speed_max, 1e6) ** 2,
