@@ -8,14 +8,17 @@ from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import CoordinationChart
+from armtempo.planners._execution import Execution, ScheduleExecution
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import makespan_bound
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._precedence import Precedence, precedence
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
 from armtempo.planners._two_link_path import TwoLinkPath
-from armtempo.planners._vci import VciPlan, VelocityControl
+from armtempo.planners._vci import VciPlan, VelocityControl, plan_vci
+from armtempo.planners._vci_execution import VciExecution
 
 __all__ = [
     "METHODS",
@@ -24,6 +27,7 @@ __all__ = [
     "Cell",
     "ClearanceTable",
     "CoordinationChart",
+    "Execution",
     "JointPath",
     "Line",
     "Mode",
@@ -32,10 +36,13 @@ __all__ = [
     "PathTable",
     "PhasePlane",
     "PhaseTrajectory",
+    "Precedence",
     "Schedule",
     "ScheduleCertificate",
+    "ScheduleExecution",
     "Segment",
     "TwoLinkPath",
+    "VciExecution",
     "VciPlan",
     "VelocityControl",
     "build_cell",
@@ -45,6 +52,8 @@ __all__ = [
     "minimum_time",
     "path_point",
     "phase_kernels",
+    "plan_vci",
+    "precedence",
     "schedule",
     "tabulated_clearance",
 ]

@@ -30,7 +30,7 @@ from armtempo.planners._cell import Cell
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
-from armtempo.planners._vci import VciPlan, VelocityControl
+from armtempo.planners._vci import VciPlan, plan_vci
 
 Array = NDArray[np.float64]
 
@@ -261,17 +261,9 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
 
 
 def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:
-    first, second = order
-    control = VelocityControl(
-        slave=cell.planes[second],
-        master=cell.planes[first],
-        chart=cell.chart if order == (0, 1) else cell.chart.swapped,
-        period=cell.control_period if period is None else period,
-    )
-    plan = control.plan(cell.fastest[first])
-    motions = list(cell.fastest)
-    motions[second] = plan.trajectory
-    return Schedule(method="vci", cell=cell, trajectories=tuple(motions), order=order, vci=plan)
+    period = cell.control_period if period is None else period
+    motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
 
 
 _PLANNERS: dict[str, Callable[..., Schedule]] = {
