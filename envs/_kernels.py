@@ -93,6 +93,24 @@ def control(
 
 
 @njit
+def moved_closer(before: Array, now: Array, lever: Array) -> float:
+    """By how much, at most, two arms have come closer [m] between joint positions (A, n): the two that moved most.
+
+    ``lever`` (A, n): the farthest that a point of the arm can be from the axis of each joint (1 for sliding ones).
+    """
+    most, second = 0.0, 0.0
+    for i in range(now.shape[0]):
+        way = 0.0
+        for j in range(now.shape[1]):
+            way += lever[i, j] * abs(now[i, j] - before[i, j])
+        if way > most:
+            most, second = way, most
+        elif way > second:
+            second = way
+    return most + second
+
+
+@njit
 def tip_positions(world: World, q: Array, out: Array) -> None:
     """Tips (A, 3) [m] at joint positions ``q`` (A, n)."""
     for i in range(q.shape[0]):

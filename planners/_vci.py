@@ -62,6 +62,7 @@ Array = NDArray[np.float64]
 
 FINEST_CHECK = 0.0001  # [s] C is asked at least this often
 BISECTIONS = 40
+ROUNDING = 1e-4  # of a path: a slave so little past a limit brakes (observations are float32)
 AHEAD = 2  # checks by which the slave must have left before the master comes, the one under way included
 
 
@@ -198,6 +199,7 @@ class _Regions:
         if self.count:
             _extents(labels, int(columns[0]), int(rows[0]), low, top)
         begin = np.where(top > 0.0, low * chart.step_b, np.inf)
+        begin[low == 0] = -chart.length_b  # nowhere to wait
         # (m, R) below this the slave is clear of the region for the rest of the master's path,
         self.closure = np.minimum.accumulate(begin[:, ::-1], axis=1)[:, ::-1]
         self.end = top * chart.step_b
@@ -377,6 +379,8 @@ class VelocityControl:
         left some regions before masters at full speed come, and until then, and braking after, stays behind in all
         others. A master that is late, slow or stops costs time, never a collision.
 
+        A slave that is in the way where it starts, and cannot count on getting out, has neither: it does as planned.
+
         Args:
             command: What the slave is to do for one period.
             lam, mu: Its state.
@@ -399,6 +403,9 @@ class VelocityControl:
             return command
         if self._can_leave(lam, mu, masters, column, live):
             return 1.0
+        loose = limit + ROUNDING * slave.length
+        if not stays_behind(slave.rows, slave.edges, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
+            return command
         return float(
             largest_behind(slave.rows, slave.edges, lam, mu, command, by_speed, self.period, self.checks, limit)
         )

@@ -25,7 +25,11 @@ def control(
     cell: Cell, *, period: float = 0.004, chart: CoordinationChart | None = None, checks: int = 0
 ) -> VelocityControl:
     return VelocityControl(
-        slave=cell.planes[1], master=cell.planes[0], chart=chart or cell.chart, period=period, checks=checks
+        slave=cell.planes[1],
+        masters=(cell.planes[0],),
+        charts=(chart or cell.chart,),
+        period=period,
+        checks=checks,
     )
 
 
@@ -37,7 +41,7 @@ def last_correction(plan: VciPlan) -> tuple[int, int, int, Floats]:
 
 @pytest.mark.parametrize(("period", "release"), [(0.004, 0.6), (0.002, 0.525), (0.002, 0.75)])
 def test_fig_3_the_last_step_of_the_interval_is_adjusted(lee1991: Cell, period: float, release: float) -> None:
-    plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, 0.3)).plan(lee1991.fastest[0])
+    plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, 0.3)).plan(lee1991.fastest[:1])
     assert plan.last_step_adjusted > 0
     hit, first, adjusted, commands = last_correction(plan)
     assert first < adjusted == hit
@@ -51,7 +55,7 @@ def test_fig_3_the_last_step_of_the_interval_is_adjusted(lee1991: Cell, period: 
 def test_fig_4_an_earlier_step_is_adjusted_and_full_acceleration_follows(
     lee1991: Cell, period: float, release: float, place: float
 ) -> None:
-    plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, place)).plan(lee1991.fastest[0])
+    plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, place)).plan(lee1991.fastest[:1])
     assert plan.earlier_step_adjusted > 0
     hit, first, adjusted, commands = last_correction(plan)
     assert first <= adjusted < hit
@@ -65,7 +69,7 @@ def test_a_single_correction_is_the_shortest_interval_that_avoids_the_collision(
     """With one step of braking less, the slave collides."""
     chart = wall(lee1991.chart, 0.525, 0.5)
     own = control(lee1991, chart=chart)
-    plan = own.plan(lee1991.fastest[0])
+    plan = own.plan(lee1991.fastest[:1])
     assert plan.corrections == 1
     hit, first, _, _ = last_correction(plan)
     assert hit - first + 1 > 1
@@ -80,7 +84,7 @@ def test_a_single_correction_is_the_shortest_interval_that_avoids_the_collision(
 
 
 def test_the_papers_cell_reaches_both_cases(lee1991: Cell) -> None:
-    plan = control(lee1991, period=0.001).plan(lee1991.fastest[0])
+    plan = control(lee1991, period=0.001).plan(lee1991.fastest[:1])
     assert plan.last_step_adjusted > 0
     assert plan.earlier_step_adjusted > 0
     assert plan.corrections == plan.last_step_adjusted + plan.earlier_step_adjusted
@@ -90,7 +94,7 @@ def test_the_adjusted_motion_grazes_the_collision_point(lee1991: Cell) -> None:
     """The room that is left is used: the slave passes the wall's corner within a check of its release."""
     for release, place in ((0.6, 0.4), (0.8, 0.5), (0.7, 0.3)):
         chart = wall(lee1991.chart, release, place)
-        plan = control(lee1991, chart=chart).plan(lee1991.fastest[0])
+        plan = control(lee1991, chart=chart).plan(lee1991.fastest[:1])
         released = float(lee1991.fastest[0].time_at(int(release * 512) * chart.step_a))
         reached = float(plan.trajectory.time_at(int(place * 512) * chart.step_b))
         assert -1e-9 <= reached - released < 0.004 + 1e-3
@@ -98,21 +102,25 @@ def test_the_adjusted_motion_grazes_the_collision_point(lee1991: Cell) -> None:
 
 def test_nothing_to_avoid_nothing_to_brake_for(lee1991: Cell) -> None:
     free = wall(lee1991.chart, 0.0, 0.5)
-    plan = control(lee1991, chart=free).plan(lee1991.fastest[0])
+    plan = control(lee1991, chart=free).plan(lee1991.fastest[:1])
     assert (plan.commands == 1.0).all()
     assert plan.corrections == 0
     assert plan.longest_interval == 0.0
     assert plan.trajectory.duration == pytest.approx(lee1991.fastest[1].duration, rel=1e-3)
     passed = wall(lee1991.chart, 0.05, 0.5)  # released long before the slave comes
-    assert control(lee1991, chart=passed).plan(lee1991.fastest[0]).corrections == 0
+    assert control(lee1991, chart=passed).plan(lee1991.fastest[:1]).corrections == 0
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
 def test_both_modes_are_safe_and_quick(lee1991: Cell, mode: Mode) -> None:
     own = VelocityControl(
-        slave=lee1991.planes[1], master=lee1991.planes[0], chart=lee1991.chart, period=0.002, mode=mode
+        slave=lee1991.planes[1],
+        masters=(lee1991.planes[0],),
+        charts=(lee1991.chart,),
+        period=0.002,
+        mode=mode,
     )
-    plan = own.plan(lee1991.fastest[0])
+    plan = own.plan(lee1991.fastest[:1])
     assert 0.3283 < plan.trajectory.duration < 0.35
     assert plan.trajectory.certificate.torque_excess < 1e-3
 
@@ -139,10 +147,10 @@ def simulate(
         if n % ticks == 0:
             if not commands or max(abs(b[0] - expected[0]), abs(a[0] - expected[1])) > 1e-4:
                 try:
-                    commands = list(own.plan(own.expected(a[0], a[1]), b[0], b[1]).commands)
+                    commands = list(own.plan(own.expected([(a[0], a[1])]), b[0], b[1]).commands)
                 except InfeasibleError:
                     commands = [0.0]
-            command = own.guarded(commands.pop(0) if commands else 1.0, b[0], b[1], a[0], a[1])
+            command = own.guarded(commands.pop(0) if commands else 1.0, b[0], b[1], [(a[0], a[1])])
             expected = (
                 cell.planes[1].advance(b[0], b[1], command, own.period, mode="acceleration")[0],
                 cell.planes[0].advance(a[0], a[1], 1.0, own.period)[0],
@@ -198,7 +206,7 @@ def test_a_master_that_stands_still_is_waited_for(lee1991: Cell) -> None:
     lam = mu = 0.0
     for _ in range(200):
         lam, mu, _ = lee1991.planes[1].advance(
-            lam, mu, own.guarded(1.0, lam, mu, 0.05, 0.0), 0.004, mode="acceleration"
+            lam, mu, own.guarded(1.0, lam, mu, [(0.05, 0.0)]), 0.004, mode="acceleration"
         )
     assert lee1991.chart.is_free(0.05, lam)
     assert mu < 1e-3
@@ -209,6 +217,6 @@ def test_a_master_that_stands_still_is_waited_for(lee1991: Cell) -> None:
 
 def test_behind_an_arrived_master_the_way_is_free(lee1991: Cell) -> None:
     own = control(lee1991)
-    assert own.guarded(1.0, 0.0, 0.0, lee1991.paths[0].length, 0.0) == 1.0
-    assert own.expected(lee1991.paths[0].length, 0.0).duration == 0.0
-    assert (own.plan(own.expected(lee1991.paths[0].length, 0.0)).commands == 1.0).all()
+    assert own.guarded(1.0, 0.0, 0.0, [(lee1991.paths[0].length, 0.0)]) == 1.0
+    assert own.expected([(lee1991.paths[0].length, 0.0)])[0].duration == 0.0
+    assert (own.plan(own.expected([(lee1991.paths[0].length, 0.0)])).commands == 1.0).all()

@@ -1,0 +1,143 @@
+"""Three and four arms: execution by precedence and velocity control, with arms that are late, slow, or stop and go."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from armtempo.agents import PhasePlanePolicy, Policy, SchedulePolicy, VciPolicy, run_episode, to_action
+from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
+from armtempo.errors import InfeasibleError
+from armtempo.planners import Cell, Mode, Schedule, plan_vci
+
+
+def planned(cell: Cell, order: tuple[int, ...] | None = None) -> Schedule:
+    """Velocity control in an order of priority; some regions are passed by the lower one first."""
+    order = tuple(range(len(cell.arms))) if order is None else order
+    motions, _ = plan_vci(cell.planes, cell.chart_between, order, cell.control_period)
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order)
+
+
+@pytest.fixture(params=["three_arms", "four_arms"])
+def cell(request: pytest.FixtureRequest) -> Cell:
+    found: Cell = request.getfixturevalue(request.param)
+    return found
+
+
+class Disturbed:
+    """A policy whose arms are held, each with its own pattern, whatever the policy asks of them."""
+
+    def __init__(self, policy: Policy, seed: int) -> None:
+        self.policy, self.seed = policy, seed
+
+    def reset(self, seed: int | None = None) -> None:
+        self.policy.reset(seed)
+        self.random = np.random.default_rng(self.seed)
+        self.held: dict[str, float] = {}
+
+    def act(self, observations: dict[str, np.ndarray], env: CoordinationEnv) -> dict[str, np.ndarray]:
+        actions = self.policy.act(observations, env)
+        for agent in env.possible_agents:
+            if self.random.uniform() < 0.06:  # hold it, slow it down, or let it go
+                self.held[agent] = self.random.choice([0.0, 0.4, 1.0], p=[0.3, 0.2, 0.5])
+            if agent in actions:  # never faster than it is told: that is what being held means
+                command = 0.5 * (float(actions[agent][0]) + 1.0)
+                actions[agent] = to_action(command * self.held.get(agent, 1.0))
+        return actions
+
+
+def run(
+    cell: Cell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
+) -> EpisodeTrace:
+    env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
+    try:
+        return run_episode(env, policy, 0)[0]
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Physics, mode: Mode) -> None:
+    done = 0
+    for order in permutations(range(len(cell.arms))):
+        try:
+            plan = planned(cell, order)
+        except InfeasibleError:
+            continue
+        done += 1
+        if done > 2:
+            break
+        trace = run(cell, SchedulePolicy(plan), physics=physics, mode=mode)
+        assert trace.violations == 0
+        assert plan.makespan - 1e-3 < trace.makespan < 1.08 * plan.makespan  # the price of being able to brake
+        assert trace.torque_ratio_max <= 1.0 + 1e-3
+    assert done >= 2
+
+
+def test_full_speed_for_all_collides(cell: Cell) -> None:
+    """The tests here can fail."""
+    assert run(cell, PhasePlanePolicy()).violations == 1
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize("late", [0.03, 0.15])
+def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
+    plan = planned(cell)
+    for policy in (SchedulePolicy(plan), VciPolicy(cell)):
+        trace = run(cell, policy, physics=physics, late=late)
+        assert trace.violations == 0
+        assert trace.makespan <= plan.makespan + late + 0.05
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
+    """Any of them, also those that the others wait for: no collision, no deadlock."""
+    plan = planned(cell)
+    trace = run(cell, Disturbed(SchedulePolicy(plan), seed))
+    assert trace.violations == 0
+    assert np.isfinite(trace.makespan)
+    assert trace.makespan >= plan.makespan - 1e-3
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_velocity_control_on_line(cell: Cell, mode: Mode) -> None:
+    trace = run(cell, VciPolicy(cell), mode=mode)
+    assert trace.violations == 0
+    assert trace.makespan == pytest.approx(planned(cell).makespan, rel=0.1)
+
+
+@pytest.mark.parametrize("others", [None, "vci"])
+def test_yielding_beside_several_arms(cell: Cell, others: str | None) -> None:
+    """The learner that stays where it is does not keep the others, of higher priority, from arriving."""
+    env = YieldingEnv(cell, physics="ideal", others=others, record=True)
+    env.reset(seed=0)
+    full = np.ones(1, dtype=np.float32)
+    while True:
+        _, _, terminated, truncated, _ = env.step(-full)
+        if terminated or truncated:
+            break
+    trace = env.trace
+    assert trace.violations == 0
+    assert np.isfinite(trace.arrival[:-1]).all()
+    assert trace.arrival[:-1].max() == pytest.approx(
+        max(motion.duration for motion in planned(cell).trajectories[:-1]), rel=0.1
+    )
+    env.close()
+
+
+def test_one_agent_acts_alone(cell: Cell) -> None:
+    """A policy that is asked for one arm takes the places of the others from the simulation."""
+    env = CoordinationEnv(cell, physics="ideal")
+    observations, _ = env.reset(seed=0)
+    for policy in (SchedulePolicy(planned(cell)), VciPolicy(cell)):
+        policy.reset(0)
+        whole = policy.act(observations, env)
+        policy.reset(0)
+        for agent in env.agents[-1:]:
+            alone = policy.act({agent: observations[agent]}, env)
+            assert alone.keys() == {agent}
+            np.testing.assert_allclose(alone[agent], whole[agent], atol=1e-3)
+    env.close()
