@@ -141,7 +141,7 @@ class ScheduleExecution:
         ]
         own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
         self._clock = [
-            min([own[i], *(min(own[j], planned[j]) for j in self.precedence.waits_for(i, lam))])
+            min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))])
             for i in range(len(motions))
         ]
         return self._clock

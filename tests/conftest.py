@@ -60,3 +60,17 @@ def four_arms() -> Cell:
         ((0.28, 0.38), (0.35, -0.16)),
     ]
     return build_cell(ring_of_arms(0.55, lines, "+-++"))
+
+
+@pytest.fixture(scope="session")
+def trio(lee1991: Cell) -> Cell:
+    """The cell of the paper and a third arm, which can wait at its start for both; nobody parks in another's way."""
+    config = lee1991.config
+    third = config.arms[0].model_dump(exclude_none=True) | {
+        "name": "third",
+        "base": {"position_m": (0.21, 0.74, 0.0), "rpy_rad": (0.0, 0.0, 2.15)},
+        "elbow": "positive",
+        "path": {"start_m": (0.52, 0.39, 0.0), "segments": [{"line": {"to_m": (0.35, 0.21, 0.0)}}]},
+    }
+    arms = (*config.arms, type(config.arms[0]).model_validate(third))
+    return build_cell(config.model_copy(update={"name": "trio", "arms": arms, "chart_tolerance_m": 0.001}))
