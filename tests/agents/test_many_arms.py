@@ -58,8 +58,7 @@ def run(
         env.close()
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize(("physics", "mode"), [("bullet", "speed"), ("ideal", "acceleration")])
 def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Physics, mode: Mode) -> None:
     done = 0
     for order in permutations(range(len(cell.arms))):
@@ -99,14 +98,14 @@ def test_velocity_control_behind_a_late_first_arm(trio: Cell, late: float, physi
     assert trace.makespan <= 1.08 * planned(trio).makespan + late + 5.0 * trio.control_period
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_velocity_control_behind_arms_that_stop_and_go(trio: Cell, seed: int) -> None:
     trace = run(trio, Disturbed(VciPolicy(trio), seed))
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
     """Any of them, also those that the others wait for: no collision, no deadlock."""
     plan = planned(cell)
