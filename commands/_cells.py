@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
@@ -78,7 +79,7 @@ def describe(cell: Cell) -> dict[str, Any]:
                 "peak_path_speed_m_s": float(fastest.mu.max()),
             }
         )
-    pair = len(cell.arms) == 2
+    charts = [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]
     return {
         "cell": cell.name,
         "description": cell.config.description,
@@ -90,8 +91,8 @@ def describe(cell: Cell) -> dict[str, Any]:
         **between,
         "obstacles": [obstacle.name for obstacle in cell.config.obstacles],
         "sequential_s": cell.sequential_makespan,
-        "lower_bound_s": cell.lower_bound if pair or len(cell.arms) == 1 else None,
-        "collision_regions": cell.chart.regions if pair else None,
+        "lower_bound_s": cell.lower_bound,
+        "collision_regions": sum(chart.regions for chart in charts) if charts else None,
         "arms": arms,
     }
 
@@ -133,12 +134,9 @@ def _show(cell: Cell, output: Output) -> None:
         )
         sequential, bound = facts["sequential_s"], facts["lower_bound_s"]
         line = f"One after the other {number(sequential, 4)} s"
-        if bound is not None:
-            possible = bound < float("inf")
-            line += f"; no timing is quicker than {number(bound, 4)} s (certified)" if possible else ""
-            line += (
-                "" if possible else " without regard to each other; [red]no timing at all keeps d_min (certified)[/]"
-            )
+        possible = bound < float("inf")
+        line += f"; no timing is quicker than {number(bound, 4)} s (certified)" if possible else ""
+        line += "" if possible else " without regard to each other; [red]no timing at all keeps d_min (certified)[/]"
         output.say(f"{line}.")
     bodies = "obstacles and of the arms' own links" if cell.obstacles else "the arms' own links"
     output.say(f"Certified: the paths keep clear of {bodies}. File: {shown(cell.config.source)}")

@@ -192,7 +192,7 @@ def evaluation_figures(evaluation: Evaluation) -> dict[str, Figure]:
         figures["clearance"] = _time_figures.clearances(
             cell, schedules, traces, emphasised, f"Clearance between the arms, {evaluation.physics}"
         )
-        figures["coordination_chart"] = _space_figures.coordination_chart(cell)
+        figures["coordination_chart"] = _space_figures.coordination_chart(cell, pair=_space_figures.meeting(cell)[0])
         if schedules:
             figures["relative_motion"] = _space_figures.relative_trajectories(cell, schedules, emphasised)
     if emphasised in schedules:

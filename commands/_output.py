@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -177,7 +178,7 @@ def plan_all(
     seconds: dict[str, float] = {}
     chosen = tuple(dict.fromkeys(methods)) or METHODS
     with output.progress("Planning", len(chosen)) as (progress, task):
-        _ = (cell.chart, cell.fastest) if len(cell.arms) > 1 else cell.fastest  # shared, no method's own time
+        _ = cell.fastest, [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]  # shared
         for k, method in enumerate(chosen):
             progress.update(task, description=f"Planning {method}", completed=k)
             start = time.perf_counter()

@@ -56,18 +56,20 @@ def draw(figures: Mapping[str, Figure], folder: Path, output: Output) -> list[st
 
 
 def plan_figures(cell: Cell, schedules: Mapping[str, Schedule], method: str) -> dict[str, Figure]:
-    """Figures of a cell and its plans by file name; the coordination of two arms only where there are two."""
+    """Figures of a cell and its plans by file name; charts only where there are two arms or more."""
     from armtempo.commands import _phase_figures, _space_figures, _time_figures
 
     plan = schedules[method]
     figures = {"workspace": _space_figures.workspace(cell)}
     if len(cell.arms) > 1:
-        if cell.chart.regions:
-            figures["collision_interval"] = _space_figures.collision_interval(cell)
+        pair = _space_figures.meeting(cell)[0]
+        if cell.chart_between(*pair).regions:
+            figures["collision_interval"] = _space_figures.collision_interval(cell, pair=pair)
         figures |= {
-            "coordination_chart": _space_figures.coordination_chart(cell),
+            "coordination_chart": _space_figures.coordination_chart(cell, pair=pair),
             "relative_motion": _space_figures.relative_trajectories(cell, schedules, method),
         }
+    if len(cell.arms) == 2:
         cases: tuple[tuple[Literal[3, 4], str], ...] = ((3, "vci_last_step"), (4, "vci_earlier_step"))
         for case, name in cases:
             correction = _phase_figures.find_correction(cell, case)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +28,7 @@ from armtempo.commands._style import (
 from armtempo.planners import Cell, CoordinationChart, Schedule
 
 Array = NDArray[np.float64]
+Pair = tuple[int, int]
 
 CHART_PIXELS = 1024
 CHART_COLORS = ListedColormap(["#FFFFFF", FORBIDDEN_EDGE, FORBIDDEN])  # free, undecided, blocked
@@ -115,29 +117,34 @@ def widest_collision(chart: CoordinationChart) -> float:
 
 @styled
 def collision_interval(
-    cell: Cell, lam: float | None = None, title: str = "Collision interval in the common workspace"
+    cell: Cell,
+    lam: float | None = None,
+    title: str = "Collision interval in the common workspace",
+    pair: Pair = (0, 1),
 ) -> Figure:
     """The master at Q and the stretch [P1, P2] of the slave's path that collides with it there (Lee1991 Fig. 1).
 
     Args:
-        cell: Two arms.
+        cell: Two arms or more.
         lam: Q as a station of the master's path (default: where the interval is longest).
         title: Of the figure.
+        pair: Master and slave.
     """
-    lam = widest_collision(cell.chart) if lam is None else lam
+    chart, (master, slave) = cell.chart_between(*pair), pair
+    lam = widest_collision(chart) if lam is None else lam
     figure = new_figure(7.2, 4.0)
     axes = _space_axes(figure, title)
     _draw_paths(axes, cell, arrows=False)
-    _draw_arm(axes, cell, 0, lam)
-    q = _tip(cell, 0, np.array(lam))
+    _draw_arm(axes, cell, master, lam)
+    q = _tip(cell, master, np.array(lam))
     handles = [
-        Line2D([], [], color=arm_color(0), linewidth=4.5, label=f"{cell.arms[0].name} at Q = {lam:.3f} m"),
+        Line2D([], [], color=arm_color(master), linewidth=4.5, label=f"{cell.arms[master].name} at Q = {lam:.3f} m"),
     ]
-    for p1, p2 in cell.chart.collision_interval(lam):
-        for k, p in enumerate((p1, min(p2, cell.paths[1].length))):
-            _draw_arm(axes, cell, 1, p, alpha=0.45)
+    for p1, p2 in chart.collision_interval(lam):
+        for k, p in enumerate((p1, min(p2, cell.paths[slave].length))):
+            _draw_arm(axes, cell, slave, p, alpha=0.45)
             # Beside the path, away from the master's tip
-            tip = _tip(cell, 1, np.array(p))
+            tip = _tip(cell, slave, np.array(p))
             axes.annotate(
                 f"P{k + 1}",
                 _xy(tip),
@@ -145,14 +152,21 @@ def collision_interval(
                 textcoords="offset points",
                 weight="bold",
                 va="center",
-                color=arm_color(1),
+                color=arm_color(slave),
                 path_effects=HALO,
                 zorder=10.0,
             )
-        stretch = _tip(cell, 1, np.linspace(p1, min(p2, cell.paths[1].length), 100))
+        stretch = _tip(cell, slave, np.linspace(p1, min(p2, cell.paths[slave].length), 100))
         axes.plot(*stretch.T, color="#B00020", linewidth=6.0, alpha=0.85, zorder=3.8, solid_capstyle="butt")
         handles.append(
-            Line2D([], [], color=arm_color(1), linewidth=4.5, alpha=0.5, label=f"{cell.arms[1].name} at P1 and at P2")
+            Line2D(
+                [],
+                [],
+                color=arm_color(slave),
+                linewidth=4.5,
+                alpha=0.5,
+                label=f"{cell.arms[slave].name} at P1 and at P2",
+            )
         )
         handles.append(
             Line2D([], [], color="#B00020", linewidth=6.0, label=f"collision interval [{p1:.3f}, {p2:.3f}] m")
@@ -164,7 +178,7 @@ def collision_interval(
         textcoords="offset points",
         weight="bold",
         va="center",
-        color=arm_color(0),
+        color=arm_color(master),
         path_effects=HALO,
         zorder=10.0,
     )
@@ -184,9 +198,16 @@ def _pixels(chart: CoordinationChart) -> NDArray[np.uint8]:
     return states
 
 
-def draw_chart(axes: Axes, cell: Cell, *, label: bool = True) -> None:
-    """The coordination chart of a cell's first two arms as the background of ``axes``."""
-    chart = cell.chart
+def meeting(cell: Cell) -> list[Pair]:
+    """The pairs of arms that can collide, the largest share of their chart first; at least one pair."""
+    pairs = list(combinations(range(len(cell.arms)), 2))
+    share = {pair: 1.0 - cell.chart_between(*pair).share(0) for pair in pairs}
+    return sorted((pair for pair in pairs if share[pair] > 0.0), key=lambda pair: -share[pair]) or pairs[:1]
+
+
+def draw_chart(axes: Axes, cell: Cell, *, label: bool = True, pair: Pair = (0, 1)) -> None:
+    """The coordination chart of two arms of a cell as the background of ``axes``."""
+    chart = cell.chart_between(*pair)
     pixels = _pixels(chart)
     axes.imshow(
         pixels.T,
@@ -201,8 +222,8 @@ def draw_chart(axes: Axes, cell: Cell, *, label: bool = True) -> None:
     )
     axes.grid(False)
     axes.set(
-        xlabel=f"{cell.arms[0].name}'s position on its path [m]",
-        ylabel=f"{cell.arms[1].name}'s position on its path [m]",
+        xlabel=f"{cell.arms[pair[0]].name}'s position on its path [m]",
+        ylabel=f"{cell.arms[pair[1]].name}'s position on its path [m]",
     )
     if label and (pixels == 2).any():
         inside = ndimage.distance_transform_edt(np.pad(pixels == 2, 1))[1:-1, 1:-1]
@@ -212,21 +233,25 @@ def draw_chart(axes: Axes, cell: Cell, *, label: bool = True) -> None:
 
 
 @styled
-def coordination_chart(cell: Cell, lam: float | None = None, title: str = "Coordination chart") -> Figure:
-    """Where the two arms collide; P1 and P2 of the slave with the master at Q (Lee1991 Fig. 2)."""
-    chart = cell.chart
+def coordination_chart(
+    cell: Cell, lam: float | None = None, title: str = "Coordination chart", pair: Pair = (0, 1)
+) -> Figure:
+    """Where two arms collide; P1 and P2 of the slave with the master at Q (Lee1991 Fig. 2)."""
+    chart, (master, slave) = cell.chart_between(*pair), pair
     lam = widest_collision(chart) if lam is None else lam
     figure = new_figure(6.4, 5.2)
     axes = figure.add_subplot(title=title)
-    draw_chart(axes, cell, label=False)
+    draw_chart(axes, cell, label=False, pair=pair)
     intervals = chart.collision_interval(lam)
-    axes.plot([lam, lam], [0.0, chart.length_b], color=arm_color(0), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0)
+    axes.plot(
+        [lam, lam], [0.0, chart.length_b], color=arm_color(master), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0
+    )
     axes.annotate(
         f"Q = {lam:.3f} m",
         (lam, 0.0),
         (5, 6),
         textcoords="offset points",
-        color=arm_color(0),
+        color=arm_color(master),
         path_effects=HALO,
         zorder=9.0,
     )
@@ -236,14 +261,14 @@ def coordination_chart(cell: Cell, lam: float | None = None, title: str = "Coord
             (p1, f"P1 = {p1:.3f} m: collision point", "top", -4),
             (p2, f"P2 = {p2:.3f} m", "bottom", 4),
         ):
-            axes.plot([0.0, lam], [p, p], color=arm_color(1), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0)
+            axes.plot([0.0, lam], [p, p], color=arm_color(slave), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0)
             axes.plot(lam, p, "o", color="#B00020", markersize=6, zorder=5.0)
             axes.annotate(
                 word,
                 (0.0, p),
                 (6, dy),
                 textcoords="offset points",
-                color=arm_color(1),
+                color=arm_color(slave),
                 va=va,
                 path_effects=HALO,
                 zorder=9.0,
@@ -266,18 +291,21 @@ def relative_motion(schedule: Schedule, samples: int = 800) -> tuple[Array, Arra
     return instants, np.stack(rows, axis=1)
 
 
-def draw_relative(axes: Axes, cell: Cell, motions: Mapping[str, tuple[Array, Array]], emphasised: str) -> list[Line2D]:
+def draw_relative(
+    axes: Axes, cell: Cell, motions: Mapping[str, tuple[Array, Array]], emphasised: str, pair: Pair = (0, 1)
+) -> list[Line2D]:
     """Relative motions (instants, positions) by name over the chart; dots every 50 ms on the emphasised one."""
     handles = []
     for name, (instants, lam) in motions.items():
-        (line,) = axes.plot(lam[:, 0], lam[:, 1], label=name, **policy_line(name, emphasised))
+        (line,) = axes.plot(lam[:, pair[0]], lam[:, pair[1]], label=name, **policy_line(name, emphasised))
         handles.append(line)
         if name == emphasised:
             ticks = np.arange(TICK, instants[-1], TICK)
-            dots = np.stack([np.interp(ticks, instants, column) for column in lam.T[:2]])
+            dots = np.stack([np.interp(ticks, instants, column) for column in lam.T[list(pair)]])
             axes.plot(*dots, "o", color="white", markeredgecolor=line.get_color(), markersize=4.5, zorder=6.0)
     reach = np.array([-0.012, 1.012])  # curves run along the borders
-    axes.set(xlim=tuple(reach * cell.chart.length_a), ylim=tuple(reach * cell.chart.length_b))
+    chart = cell.chart_between(*pair)
+    axes.set(xlim=tuple(reach * chart.length_a), ylim=tuple(reach * chart.length_b))
     return handles
 
 
@@ -289,10 +317,20 @@ def relative_trajectories(
     title: str = "Relative motion in the coordination chart",
 ) -> Figure:
     """The plans of all methods as curves around the collision region, the emphasised one bold (Lee1991 Fig. 7)."""
-    figure = new_figure(7.2, 5.2)
-    axes = figure.add_subplot(title=title)
-    draw_chart(axes, cell)
-    handles = draw_relative(axes, cell, {name: relative_motion(plan) for name, plan in schedules.items()}, emphasised)
+    pairs = meeting(cell)
+    columns = min(len(pairs), 3)
+    rows = -(-len(pairs) // columns)
+    figure = new_figure(7.2, 5.2) if len(pairs) == 1 else new_figure(2.4 + 4.0 * columns, 0.6 + 4.0 * rows)
+    motions = {name: relative_motion(plan) for name, plan in schedules.items()}
+    handles: list[Line2D] = []
+    for k, pair in enumerate(pairs):
+        axes = figure.add_subplot(rows, columns, k + 1)
+        draw_chart(axes, cell, pair=pair)
+        handles = draw_relative(axes, cell, motions, emphasised, pair)
+        if len(pairs) == 1:
+            axes.set_title(title)
+    if len(pairs) > 1:
+        figure.suptitle(title)
     for handle, (name, plan) in zip(handles, schedules.items(), strict=True):
         handle.set_label(f"{name}, {plan.makespan:.3f} s")
     heading = "method and makespan\n"

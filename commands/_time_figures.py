@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from armtempo.commands._space_figures import draw_chart, draw_relative, relative_motion
+from armtempo.commands._space_figures import draw_chart, draw_relative, meeting, relative_motion
 from armtempo.commands._style import (
     FORBIDDEN,
     FORBIDDEN_EDGE,
@@ -340,7 +340,7 @@ def _draw_torque_shares(axes: Axes, cell: Cell, trace: EpisodeTrace, name: str) 
                 color=arm_color(i),
                 linestyle=style,
                 linewidth=1.7 if j == 0 else 1.3,
-                label=f"{arm.name}, joint {j + 1}",
+                label=f"{arm.name}, joint {j + 1}" if len(cell.arms) < 3 else arm.name if j == 0 else None,
                 zorder=3.0 + i,
             )
     for sign in (-100.0, 100.0):
@@ -365,9 +365,10 @@ def overview(evaluation: Evaluation) -> Figure:
     safe = {name: result for name, result in results.items() if not result.violations}
     if pair:
         chart_axes, clearance_axes = figure.add_subplot(columns[0, 0]), figure.add_subplot(columns[1, 0])
-        draw_chart(chart_axes, cell)
+        shown = meeting(cell)[0]
+        draw_chart(chart_axes, cell, pair=shown)
         motions = {name: (r.trace.time, r.trace.lam) for name, r in results.items() if r.trace is not None}
-        draw_relative(chart_axes, cell, motions, emphasised)
+        draw_relative(chart_axes, cell, motions, emphasised, shown)
         chart_axes.set_title("Relative motion around the collision region")
         curves = {name: (r.trace.time, r.trace.clearance) for name, r in results.items() if r.trace is not None}
         lines = _draw_clearance(clearance_axes, cell, curves, emphasised)

@@ -14,6 +14,8 @@ from armtempo.envs._world import (
     World,
     clearance_of,
     edges_of,
+    last_in_block,
+    last_occupied,
     length_of,
     model_of,
     rows_of,
@@ -84,9 +86,28 @@ def control(
             speed = (now - before) / dt
             qdd[j] = wanted + gain * gain * (now - q[j]) + 2.0 * gain * (speed - qd[j])
         kernels.inverse_dynamics(model, q, qd, qdd, demand[i][:n])
-        for j in range(n):
-            demand[i, j] += model.damping[j] * qd[j]
+        for j in range(n):  # friction: viscous as it is felt, dry as the reference moves
+            dry = world.coulomb[i, j] * np.sign(reference[2, i, j] - reference[1, i, j])
+            demand[i, j] += model.damping[j] * qd[j] + dry
             torque[i, j] = min(max(demand[i, j], -world.torque_max[i, j]), world.torque_max[i, j])
+
+
+@njit
+def moved_closer(before: Array, now: Array, lever: Array) -> float:
+    """By how much, at most, two arms have come closer [m] between joint positions (A, n): the two that moved most.
+
+    ``lever`` (A, n): the farthest that a point of the arm can be from the axis of each joint (1 for sliding ones).
+    """
+    most, second = 0.0, 0.0
+    for i in range(now.shape[0]):
+        way = 0.0
+        for j in range(now.shape[1]):
+            way += lever[i, j] * abs(now[i, j] - before[i, j])
+        if way > most:
+            most, second = way, most
+        elif way > second:
+            second = way
+    return most + second
 
 
 @njit
@@ -145,14 +166,15 @@ def _progress(world: World, state: State, i: int) -> tuple[float, float, float]:
 @njit
 def _next_region(world: World, state: State, i: int, j: int) -> tuple[float, float]:
     """How far arm i is from the next region that arm j has not released, and how far j must go (shares of paths)."""
-    rows = world.last_occupied.shape[2]
+    occupied, block = last_occupied(world, i, j), last_in_block(world, i, j)
+    rows = occupied.shape[0]
     here = state.lam[i] / length_of(world, i)
     row = min(int(here * rows), rows - 1)
     while row < rows:
-        if row % BLOCK == 0 and world.last_in_block[i, j, row // BLOCK] < state.lam[j]:
+        if row % BLOCK == 0 and block[row // BLOCK] < state.lam[j]:
             row += BLOCK
-        elif world.last_occupied[i, j, row] >= state.lam[j]:
-            still = world.last_occupied[i, j, row] - state.lam[j]
+        elif occupied[row] >= state.lam[j]:
+            still = occupied[row] - state.lam[j]
             return max(row / rows - here, 0.0), still / length_of(world, j)
         else:
             row += 1

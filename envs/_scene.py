@@ -27,8 +27,8 @@ _FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those o
 class Scene:
     """The arms of a cell in a PyBullet client of their own.
 
-    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), damping that the
-    URDF does not ask for is 0, and the default motors are off.
+    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), friction is that
+    of the ``Arm``, viscous and dry, and the default motors are off.
 
     Args:
         cell: What to load.
@@ -45,6 +45,8 @@ class Scene:
         if self.client < 0:
             raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
         self.hardware = egl and _load_egl(self.client)
+        # Before any motor: PyBullet turns a motor's force into the impulse of a step when it is set.
+        pybullet.setTimeStep(cell.physics_tick, physicsClientId=self.client)
         self.bodies: list[int] = []
         self.joints: list[list[int]] = []
         for arm in cell.arms:
@@ -55,7 +57,7 @@ class Scene:
                 for j in range(pybullet.getNumJoints(body, physicsClientId=self.client))
             }
             self.joints.append([index[name] for name in arm.joint_names])
-            self._calm(body, self.joints[-1])
+            self._calm(body, self.joints[-1], arm)
 
     def _load(self, arm: Arm) -> int:
         x, y, z, w = quat_xyzw(arm.T_world_base[:3, :3])
@@ -74,7 +76,12 @@ class Scene:
                 ) from None
         return body
 
-    def _calm(self, body: int, driven: list[int]) -> None:
+    def _calm(self, body: int, driven: list[int], arm: Arm) -> None:
+        """No contacts, no damping but the arm's own, no motors but those that stand for dry friction.
+
+        PyBullet adds ``-damping qd`` before every step, as the plans have it. Dry friction is a motor that wants to
+        stand still and is as strong as the friction: it opposes motion, and holds at rest without chatter.
+        """
         client = self.client
         for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
             pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
@@ -82,10 +89,14 @@ class Scene:
         for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
             if pybullet.getJointInfo(body, joint, physicsClientId=client)[2] != pybullet.JOINT_FIXED:
                 held = joint not in driven
+                k = 0 if held else driven.index(joint)
                 pybullet.setJointMotorControl2(
                     body, joint, pybullet.POSITION_CONTROL if held else pybullet.VELOCITY_CONTROL, targetPosition=0.0,
-                    force=1e4 if held else 0.0, physicsClientId=client,
+                    force=1e4 if held else float(arm.coulomb[k]), physicsClientId=client,
                 )  # fmt: skip
+                if not held:
+                    damping = float(arm.damping[k])
+                    pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=client)
 
     def place(self, q: Array) -> None:
         """Put every arm at rest at ``q`` (A, n)."""

@@ -7,18 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._bullet import pybullet
-from armtempo.envs._kernels import control, observe, run_ideal, tip_positions, tracking_error
+from armtempo.envs._kernels import control, moved_closer, observe, run_ideal, tip_positions, tracking_error
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
 from armtempo.envs._world import State, pack
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, Mode, clearance_table
+from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
 Physics = Literal["bullet", "ideal"]
@@ -30,6 +32,20 @@ SETTLED_DISTANCE = 1e-3  # [m] of the tip from its goal, and
 SETTLED_SPEED = 1e-2  # [m/s] of the tip,
 SETTLED_TIME = 0.020  # [s] for which both must hold
 IDEAL_FCL_BELOW = 0.05  # [m] above d_min: nearer than this the ideal clearance table asks FCL, not capsules
+
+
+def _levers(arm: Arm) -> Array:
+    """(n,) the farthest that a point of the arm's shapes can be from the axis of each joint [m]; 1 where it slides."""
+    model = arm.model
+    slide = np.where(model.prismatic, np.maximum(np.abs(arm.position_min), np.abs(arm.position_max)), 0.0)
+    step = np.linalg.norm(model.placement_p, axis=1) + slide  # from the link before
+    reach = np.zeros(arm.dof)
+    for shape in arm.shapes:
+        p0, p1, radius = shape.capsule
+        own = max(float(np.linalg.norm(p0)), float(np.linalg.norm(p1))) + float(radius)
+        for j in range(shape.link + 1):
+            reach[j] = max(reach[j], own + slide[j] + float(step[j + 1 : shape.link + 1].sum()))
+    return np.where(model.prismatic, 1.0, reach)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -109,15 +125,14 @@ class Simulation:
             raise UnknownNameError("physics", str(physics), PHYSICS)
         if mode not in MODES:
             raise UnknownNameError("mode", str(mode), MODES)
-        if len(cell.arms) > 2:
-            raise InfeasibleError(f"cell {cell.name!r} has {len(cell.arms)} arms: two are simulated in this version")
         self.cell, self.physics, self.mode, self.record = cell, physics, mode, record
         arms = len(cell.arms)
         width = max(arm.dof for arm in cell.arms)
         tables = []
-        if physics == "ideal" and arms == 2:
+        if physics == "ideal":
             below = cell.d_min + IDEAL_FCL_BELOW
-            tables.append((0, 1, clearance_table(cell.clearance, 0, 1, cell.arms, cell.paths, below)))
+            for i, j in combinations(range(arms), 2):
+                tables.append((i, j, clearance_table(cell.clearance, i, j, cell.arms, cell.paths, below)))
         self._world = pack(cell, mode, tables)
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._starts = np.zeros((arms, width))
@@ -129,6 +144,10 @@ class Simulation:
         tip_positions(self._world, goals, self._goals)
         self._measured = np.zeros((2, arms, width))
         self._q, self._qd = self._measured
+        self._q_asked, self._distance_asked = np.zeros((arms, width)), math.inf
+        self._lever = np.zeros((arms, width))
+        for i, arm in enumerate(cell.arms):
+            self._lever[i, : arm.dof] = _levers(arm)
         self._torque, self._demand = np.zeros((arms, width)), np.zeros((arms, width))
         self._reference = np.zeros((3, arms, width))
         self._block = np.empty((cell.ticks_per_period, 2 * arms + 1))  # a row per tick of a period, for ideal runs
@@ -137,7 +156,6 @@ class Simulation:
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
-            pybullet.setTimeStep(cell.physics_tick, physicsClientId=self._scene.client)
             pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
             pybullet.setPhysicsEngineParameter(
                 numSolverIterations=10, deterministicOverlappingPairs=1, physicsClientId=self._scene.client
@@ -179,11 +197,20 @@ class Simulation:
         return len(self.cell.arms)
 
     def _nearest(self, cutoff: float) -> float:
-        """Smallest distance of two arms; above ``cutoff`` it may be a lower bound."""
+        """Smallest distance of two arms; above ``cutoff`` it may be a lower bound.
+
+        FCL is not asked while the last answer minus what the arms have moved since stays above ``cutoff``.
+        """
         if self.arms < 2:
             return math.inf
+        if cutoff < math.inf:
+            bound = float(self._distance_asked - moved_closer(self._q_asked, self._q, self._lever))
+            if bound >= cutoff:
+                return bound
         q = [row[: arm.dof] for row, arm in zip(self._q, self.cell.arms, strict=True)]
-        return self.cell.clearance.arms(q, cutoff).distance
+        self._q_asked[:] = self._q
+        self._distance_asked = self.cell.clearance.arms(q, cutoff).distance
+        return self._distance_asked
 
     def step(self, commands: Array) -> None:
         """Run one control period under ``commands`` (A,) in [0, 1]; stops at the first tick with a violation."""

@@ -7,6 +7,7 @@ little, and the functions below cut the arrays out again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -18,22 +19,22 @@ from armtempo.robots import ArmModel, njit
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Fields of the buffer, per arm: ten of the phase plane, the time to go, five of the path table, twelve of the arm.
+# Fields of the buffer, per arm: eleven of the phase plane, the time to go, five of the path table, twelve of the arm.
 BLOCK = 64
-_ROWS, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 10, 11, 16, 28
+_ROWS, _EDGES, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 7, 11, 12, 17, 29
 
 
 class World(NamedTuple):
-    """What does not change during an episode; A arms, n joints at most, R rows of the chart."""
+    """What does not change during an episode; A arms, n joints at most."""
 
     buffer: Array
-    offset: Ints  # (A, 28) where each field of an arm begins
-    size: Ints  # (A, 3) stations, joints, stations of the path table
+    offset: Ints  # (A, 29) where each field of an arm begins
+    size: Ints  # (A, 4) stations, joints, stations of the path table, rows of limits
     prismatic: NDArray[np.bool_]  # (A, n)
     torque_max: Array  # (A, n) true limits; plans may keep a reserve
+    coulomb: Array  # (A, n) dry friction
     scale: Array  # (A, 2) minimum time [s], acceleration that counts as 1
-    last_occupied: Array  # (A, A, R) [i, j, row]: how far arm j goes before arm i's row is free for good; < 0: it is
-    last_in_block: Array  # (A, A, R / BLOCK) the largest of BLOCK rows of it
+    region: Ints  # (A, A, 3) [i, j]: R rows along arm i's path, where ``last_occupied`` and ``last_in_block`` begin
     clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
     nodes: int
     by_speed: bool
@@ -53,8 +54,9 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
     parts: list[Array] = []
     length = 0
     arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
-    offset, size = np.zeros((arms, _FIELDS), dtype=np.int64), np.zeros((arms, 3), dtype=np.int64)
-    prismatic, torque_max = np.zeros((arms, width), dtype=np.bool_), np.zeros((arms, width))
+    offset, size = np.zeros((arms, _FIELDS), dtype=np.int64), np.zeros((arms, 4), dtype=np.int64)
+    prismatic = np.zeros((arms, width), dtype=np.bool_)
+    torque_max, coulomb = np.zeros((arms, width)), np.zeros((arms, width))
 
     def put(array: Array) -> int:
         nonlocal length
@@ -63,7 +65,7 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
         return length - parts[-1].size
 
     # The functions below cut the fields out again by their places.
-    assert phase_kernels.Rows._fields == ("station", "a", "b", "low", "high", "x_cap")
+    assert phase_kernels.Rows._fields == ("station", "a", "b", "r", "low", "high", "x_cap")
     assert phase_kernels.Edges._fields == ("low", "high", "low_next", "high_next")
     assert PathTable._fields == ("station", "q", "dq", "ddq", "ddq_before")
     assert len(ArmModel._fields) == 1 + _FIELDS - _MODEL
@@ -74,25 +76,28 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
         to_go = motion.duration - motion.time_at(plane.rows.station)
         for k, field in enumerate([*plane.rows, *plane.edges, to_go, *table, *model]):
             offset[i, k] = put(field)
-        size[i] = len(plane.rows.station), arm.dof, len(table.station)
+        size[i] = len(plane.rows.station), arm.dof, len(table.station), plane.rows.a.shape[1]
         prismatic[i, : arm.dof], torque_max[i, : arm.dof] = arm.model.prismatic, arm.torque_max
+        coulomb[i, : arm.dof] = arm.coulomb
     places = [(i, j, put(table.distance)) for i, j, table in clearances]
     minimum = np.array([motion.duration for motion in cell.fastest])
     lengths = np.array([path.length for path in cell.paths])
-    last = np.full((arms, arms, cell.chart.resolution if arms == 2 else 1), -1.0)
-    if arms == 2:
-        for i, chart in ((1, cell.chart), (0, cell.chart.swapped)):
-            border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
-            last[i, 1 - i] = np.where(chart.last_column >= 0, border, -1.0)
+    region = np.zeros((arms, arms, 3), dtype=np.int64)
+    for i, j in permutations(range(arms), 2):
+        chart = cell.chart_between(j, i)
+        border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
+        last = np.where(chart.last_column >= 0, border, -1.0)
+        blocks = np.maximum.reduceat(last, np.arange(0, len(last), BLOCK))
+        region[i, j] = len(last), put(last), put(blocks)
     return World(
         buffer=np.concatenate(parts),
         offset=offset,
         size=size,
         prismatic=prismatic,
         torque_max=torque_max,
+        coulomb=coulomb,
         scale=np.stack([minimum, 8.0 * lengths / minimum**2], axis=1),
-        last_occupied=last,
-        last_in_block=np.maximum.reduceat(last, np.arange(0, last.shape[2], BLOCK), axis=2),
+        region=region,
         clearance=np.array(places, dtype=np.int64).reshape(-1, 3),
         nodes=len(clearances[0][2].distance) if clearances else 0,
         by_speed=mode == "speed",
@@ -103,14 +108,15 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
 @njit
 def rows_of(world: World, i: int) -> phase_kernels.Rows:
     """The limits along arm i's path."""
-    N, n, o, b = world.size[i, 0], world.size[i, 1], world.offset[i], world.buffer
+    N, m, o, b = world.size[i, 0], world.size[i, 3], world.offset[i], world.buffer
     return phase_kernels.Rows(
         b[o[0] : o[0] + N],
-        b[o[1] : o[1] + N * n].reshape(N, n),
-        b[o[2] : o[2] + N * n].reshape(N, n),
-        b[o[3] : o[3] + N * n].reshape(N, n),
-        b[o[4] : o[4] + N * n].reshape(N, n),
-        b[o[5] : o[5] + N],
+        b[o[1] : o[1] + N * m].reshape(N, m),
+        b[o[2] : o[2] + N * m].reshape(N, m),
+        b[o[3] : o[3] + N * m].reshape(N, m),
+        b[o[4] : o[4] + N * m].reshape(N, m),
+        b[o[5] : o[5] + N * m].reshape(N, m),
+        b[o[6] : o[6] + N],
     )
 
 
@@ -124,7 +130,13 @@ def length_of(world: World, i: int) -> float:
 def edges_of(world: World, i: int) -> phase_kernels.Edges:
     """The controllable set of arm i."""
     N, o, b = world.size[i, 0], world.offset[i], world.buffer
-    return phase_kernels.Edges(b[o[6] : o[6] + N], b[o[7] : o[7] + N], b[o[8] : o[8] + N - 1], b[o[9] : o[9] + N - 1])
+    e = _EDGES
+    return phase_kernels.Edges(
+        b[o[e] : o[e] + N],
+        b[o[e + 1] : o[e + 1] + N],
+        b[o[e + 2] : o[e + 2] + N - 1],
+        b[o[e + 3] : o[e + 3] + N - 1],
+    )
 
 
 @njit
@@ -168,6 +180,19 @@ def model_of(world: World, i: int) -> ArmModel:
         b[o[f + 10] : o[f + 10] + 9].reshape(3, 3),
         b[o[f + 11] : o[f + 11] + 3],
     )
+
+
+@njit
+def last_occupied(world: World, i: int, j: int) -> Array:
+    """(R,) per row along arm i's path: how far arm j goes before the row is free for good; < 0: it is."""
+    return world.buffer[world.region[i, j, 1] : world.region[i, j, 1] + world.region[i, j, 0]]
+
+
+@njit
+def last_in_block(world: World, i: int, j: int) -> Array:
+    """(R / BLOCK,) the largest of BLOCK rows of it."""
+    o = world.region[i, j, 2]
+    return world.buffer[o : o + (world.region[i, j, 0] + BLOCK - 1) // BLOCK]
 
 
 @njit

@@ -15,12 +15,12 @@ from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import Cell, Mode
+from armtempo.planners import METHODS, Cell, Execution, Mode, ScheduleExecution, VciExecution, schedule
 
 
 @final
 class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """One arm learns when to yield; the others run their paths in minimum time (``armtempo/Yielding-v0``).
+    """One arm learns when to yield to the others, which follow a baseline (``armtempo/Yielding-v0``).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
     end of the path unreachable. With ``f = (a + 1) / 2``:
@@ -48,6 +48,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``Cell``.
         learner: Name of the learning arm; None: the last one.
+        others: What the other arms do: ``phase-plane`` (minimum time, whatever the rest does), ``vci`` or another
+            planning method, executed by precedence, or an ``Execution`` of your own. None: ``phase-plane`` for one
+            other arm, ``vci`` for more, which would run into each other. The learner has its part in these plans; it is
+            free to keep to it or not.
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
@@ -66,6 +70,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         cell: Cell | str | Path = "lee1991",
         *,
         learner: str | None = None,
+        others: str | Execution | None = None,
         physics: Physics = "bullet",
         mode: Mode = "speed",
         render_mode: str | None = None,
@@ -92,6 +97,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._renderer: Renderer | None = None
         self._running = False
         self._full_speed = np.ones(len(names))
+        self._others = _others(self.cell, others, mode)
 
     @property
     def simulation(self) -> Simulation:
@@ -112,6 +118,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         late = np.zeros(len(self.cell.arms))
         late[0] = float((options or {}).get("master_late_s", drawn))
         self._episode.reset(late)
+        if self._others is not None:
+            self._others.reset()
         self._running = True
         if self.render_mode == "human":
             self.render()
@@ -125,7 +133,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if not self._running:
             raise ActionError("the episode is over", remedy="call reset before step")
-        commands = self._full_speed.copy()
+        if self._others is None:
+            commands = self._full_speed.copy()
+        else:
+            commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = read_action(action, self.cell.arms[self._own].name)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
@@ -147,3 +158,17 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.simulation.close()
         if self._renderer is not None:
             self._renderer.close()
+
+
+def _others(cell: Cell, others: str | Execution | None, mode: Mode) -> Execution | None:
+    """What the other arms do; None: full speed."""
+    if others is not None and not isinstance(others, str):
+        return others
+    name = others or ("phase-plane" if len(cell.arms) < 3 else "vci")
+    if name == "phase-plane":
+        return None
+    if name == "vci":
+        return VciExecution(cell, mode)
+    if name in METHODS:
+        return ScheduleExecution(schedule(cell, name), mode)
+    raise UnknownNameError("baseline for the other arms", name, ("phase-plane", *METHODS))

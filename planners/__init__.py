@@ -8,6 +8,7 @@ from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
+from armtempo.planners._execution import Execution, ScheduleExecution
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
@@ -15,11 +16,13 @@ from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._precedence import Precedence, precedence
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
 from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
-from armtempo.planners._vci import VciPlan, VelocityControl
+from armtempo.planners._vci import VciPlan, VelocityControl, plan_vci
+from armtempo.planners._vci_execution import VciExecution
 from armtempo.planners._waypoint_file import read_waypoints
 from armtempo.planners._waypoint_path import WaypointPath
 
@@ -33,6 +36,7 @@ __all__ = [
     "CoordinationChart",
     "Island",
     "IntervalSearch",
+    "Execution",
     "JointPath",
     "JointTrajectory",
     "Line",
@@ -46,11 +50,14 @@ __all__ = [
     "PhasePlane",
     "PhaseTrajectory",
     "PriorityClass",
+    "Precedence",
     "Schedule",
     "ScheduleCertificate",
+    "ScheduleExecution",
     "Segment",
     "TimingProblem",
     "TwoLinkPath",
+    "VciExecution",
     "VciPlan",
     "VelocityControl",
     "WaypointPath",
@@ -66,6 +73,8 @@ __all__ = [
     "refined_plane",
     "read_trajectory",
     "read_waypoints",
+    "plan_vci",
+    "precedence",
     "schedule",
     "tabulated_clearance",
     "write_trajectory",

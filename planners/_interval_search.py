@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError
 from armtempo.planners._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
-from armtempo.planners._phase_kernels import Rows, can_hold
+from armtempo.planners._phase_kernels import Rows
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._time_windows import Occupancy, Runs, forbidden_windows
@@ -108,7 +108,7 @@ class IntervalSearch:
 
     @cached_property
     def _hold(self) -> NDArray[np.bool_]:
-        return can_hold(self.plane.rows, self.plane.edges)
+        return self.plane.holdable
 
     def respond(
         self,

@@ -465,12 +465,6 @@ def greedy_profile(rows: Rows, sets: Array, counts: Ints, x_start: float, x: Arr
         u[i] = (best - x[i]) / d2
 
 
-def can_hold(rows: Rows, edges: Edges) -> NDArray[np.bool_]:
-    """(N+1,) stations where the arm can stand still for as long as it likes, and go on from there to the end."""
-    held: NDArray[np.bool_] = ((rows.low <= 0.0) & (rows.high >= 0.0)).all(axis=1) & (edges.low <= 0.0)
-    return held
-
-
 @njit
 def locate(station: Array, lam: float) -> int:
     """The interval that begins at or before ``lam`` (the last one at the end)."""

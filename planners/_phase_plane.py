@@ -99,8 +99,9 @@ class PhasePlane:
 
     @cached_property
     def holdable(self) -> NDArray[np.bool_]:
-        """(N+1,) the stations at which the arm can come to rest, hold still and go on."""
-        return np.asarray(self.edges.low <= 0.0)
+        """(N+1,) the stations where the arm can stand still for as long as it likes, and go on from there."""
+        rows = self.rows
+        return np.asarray(((rows.low <= 0.0) & (rows.high >= 0.0)).all(axis=1) & (self.edges.low <= 0.0))
 
     def limit_name(self, row: int) -> str:
         """What a row of the limits is, in words."""

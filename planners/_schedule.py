@@ -29,7 +29,7 @@ from armtempo.planners._cell import Cell
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset, one_by_one
-from armtempo.planners._vci import VciPlan, VelocityControl
+from armtempo.planners._vci import VciPlan, plan_vci
 
 Array = NDArray[np.float64]
 
@@ -205,29 +205,16 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
 
 
 def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:
-    if len(order) > 2:
-        raise InfeasibleError(
-            f"cell {cell.name!r} has {len(order)} arms: velocity control keeps one arm behind one other",
-            remedy="use 'interval' or 'optimal', or leave two arms in the cell",
-        )
-    first, second = order
-    control = VelocityControl(
-        slave=cell.planes[second],
-        master=cell.planes[first],
-        chart=cell.chart_between(first, second),
-        period=cell.control_period if period is None else period,
-    )
-    motions = list(cell.fastest)
+    period = cell.control_period if period is None else period
     try:
-        plan = control.plan(cell.fastest[first])
+        motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way
             shaped = prioritised(cell.timing, order)
         except InfeasibleError:
             raise refusal from None
         return Schedule(method="vci", cell=cell, trajectories=shaped, order=order, fallback="interval")
-    motions[second] = plan.trajectory
-    return Schedule(method="vci", cell=cell, trajectories=tuple(motions), order=order, vci=plan)
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
 
 
 _PLANNERS: dict[str, Callable[..., Schedule]] = {

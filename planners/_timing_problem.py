@@ -13,7 +13,6 @@ import numpy as np
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
-from armtempo.planners._phase_kernels import can_hold
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._time_windows import Runs, blocked_runs, pair_is_free
@@ -54,7 +53,7 @@ class TimingProblem:
     @cached_property
     def holdable(self) -> tuple[bool, ...]:
         """Per arm whether it can hold still wherever it is on its path."""
-        return tuple(bool(can_hold(plane.rows, plane.edges).all()) for plane in self.planes)
+        return tuple(bool(plane.holdable.all()) for plane in self.planes)
 
     @cached_property
     def _runs(self) -> dict[tuple[int, int], Runs]:

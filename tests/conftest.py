@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from armtempo.planners import Cell, JointPath, load_cell
+from armtempo.configs import CellConfig, data_path
+from armtempo.planners import Cell, JointPath, build_cell, load_cell
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -47,6 +49,33 @@ class JointSpline(JointPath):
 
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]
 
+Point = tuple[float, float]
+
+
+def ring_of_arms(radius: float, lines: list[tuple[Point, Point]], elbows: str, **options: object) -> CellConfig:
+    """The paper's arms on a circle, on straight paths given in each one's frame: from its base, x to the centre."""
+    arms = []
+    for k, line in enumerate(lines):
+        angle = 2.0 * math.pi * k / len(lines)
+        c, s = math.cos(angle), math.sin(angle)
+        base, start, end = ([c * (x - radius) - s * y, s * (x - radius) + c * y, 0.0] for x, y in ((0.0, 0.0), *line))
+        arms.append(
+            {
+                "name": f"arm{k}",
+                "urdf": str(data_path("robots/planar_two_link.urdf")),
+                "elbow": "positive" if elbows[k] == "+" else "negative",
+                "tip_link": "tool",
+                "base": {"position_m": base, "rpy_rad": [0.0, 0.0, angle]},
+                "limits": {"torque_nm": [25, 7]},
+                "path": {"start_m": start, "segments": [{"line": {"to_m": end}}]},
+            }
+        )
+    values = {
+        "kind": "coordination", "name": f"planar_{len(lines)}", "d_min_m": 0.01, "physics_tick_s": 0.001,
+        "control_period_s": 0.004, "stations": 500, "chart_tolerance_m": 0.002, "arms": arms,
+    }  # fmt: skip
+    return CellConfig.model_validate({**values, **options})
+
 
 @pytest.fixture(scope="session")
 def lee1991() -> Cell:
@@ -73,3 +102,35 @@ def panda_pair() -> Callable[[int], Pair]:
         return (arms[0], arms[1]), (one, two)
 
     return make
+
+
+def three_arms() -> Cell:
+    """Three planar arms; every two of them meet."""
+    lines = [((0.35, -0.15), (0.54, 0.07)), ((0.49, -0.23), (0.52, 0.13)), ((0.45, -0.24), (0.31, 0.2))]
+    return build_cell(ring_of_arms(0.5, lines, "-+-"))
+
+
+@pytest.fixture(scope="session")
+def four_arms() -> Cell:
+    """Four planar arms; each meets its neighbours."""
+    lines = [
+        ((0.47, -0.23), (0.53, 0.2)),
+        ((0.55, -0.12), (0.35, 0.14)),
+        ((0.43, 0.15), (0.46, -0.2)),
+        ((0.28, 0.38), (0.35, -0.16)),
+    ]
+    return build_cell(ring_of_arms(0.55, lines, "+-++"))
+
+
+@pytest.fixture(scope="session")
+def trio(lee1991: Cell) -> Cell:
+    """The cell of the paper and a third arm, which can wait at its start for both; nobody parks in another's way."""
+    config = lee1991.config
+    third = config.arms[0].model_dump(exclude_none=True) | {
+        "name": "third",
+        "base": {"position_m": (0.21, 0.74, 0.0), "rpy_rad": (0.0, 0.0, 2.15)},
+        "elbow": "positive",
+        "path": {"start_m": (0.52, 0.39, 0.0), "segments": [{"line": {"to_m": (0.35, 0.21, 0.0)}}]},
+    }
+    arms = (*config.arms, type(config.arms[0]).model_validate(third))
+    return build_cell(config.model_copy(update={"name": "trio", "arms": arms, "chart_tolerance_m": 0.001}))

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.envs import PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.errors import ActionError, ArmtempoError, InfeasibleError, InputError, RenderError, UnknownNameError
+from armtempo.envs import CoordinationEnv, YieldingEnv
+from armtempo.errors import ActionError, ArmtempoError, InputError, RenderError, UnknownNameError
 from armtempo.planners import Cell
 
 NAN = np.array([np.nan], dtype=np.float32)
@@ -133,13 +133,6 @@ def test_a_trace_that_was_not_recorded(lee1991: Cell) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("physics", PHYSICS)
-def test_three_arms_are_refused(lee1991: Cell, physics: Physics) -> None:
-    from armtempo.envs import Simulation
-
-    class Three:
-        name = "trio"
-        arms = (*lee1991.arms, lee1991.arms[0])
-
-    with pytest.raises(InfeasibleError, match="3 arms"):
-        Simulation(Three(), physics=physics)  # type: ignore[arg-type]
+def test_an_unknown_baseline_for_the_other_arms(lee1991: Cell) -> None:
+    with pytest.raises(UnknownNameError, match=r"'delai'.*did you mean 'delay'"):
+        YieldingEnv(lee1991, others="delai", physics="ideal")

@@ -1,0 +1,144 @@
+"""Execution of schedules by precedence: from where all arms are to one command for each."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.planners._cell import Cell
+from armtempo.planners._guard import BrakingGuard
+from armtempo.planners._phase_kernels import Edges, Rows, advance
+from armtempo.planners._phase_plane import Mode
+from armtempo.planners._precedence import precedence
+from armtempo.planners._schedule import Schedule
+from armtempo.robots import njit
+
+Array = NDArray[np.float64]
+
+NEAR = 1e-6  # of a path: places are known to this (observations are float32)
+CATCH_UP = 0.5  # of a period: an arm that lags more than this stops its clock
+FINEST_CHECK = 0.001  # [s] limits are asked at least about this often
+BISECTIONS = 30
+
+
+class Execution(Protocol):
+    """Decides for all arms of a cell from where they are."""
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        ...
+
+    def commands(self, lam: Array, mu: Array) -> Array:
+        """(A,) commands in [0, 1] for one control period, from places and path speeds (A,)."""
+        ...
+
+
+def checks_per_period(cell: Cell) -> int:
+    """How often per control period limits are asked: whole parts of its ticks."""
+    return cell.ticks_per_period * max(round(cell.physics_tick / FINEST_CHECK), 1)
+
+
+@njit
+def foresee(
+    rows: Rows, edges: Edges, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
+) -> tuple[float, float, float]:
+    """Place and speed after ``ticks``, moved tick by tick as in the environments, and the time used until arrival."""
+    total, scratch = 0.0, np.empty((0, 3))
+    for _ in range(ticks):
+        lam, mu, used, _ = advance(rows, edges, lam, mu, command, by_speed, tick, scratch, 0)
+        total += used
+        if lam >= rows.station[-1]:
+            break
+    return lam, mu, total
+
+
+@njit
+def _command_to(
+    rows: Rows,
+    edges: Edges,
+    lam: float,
+    mu: float,
+    by_speed: bool,
+    tick: float,
+    ticks: int,
+    target: float,
+    earliest: float,
+    near: float,
+) -> float:
+    """The largest command that leads neither past ``target`` nor to the end before ``earliest`` [s] have passed."""
+    reached, _, used = foresee(rows, edges, lam, mu, 1.0, by_speed, tick, ticks)
+    if reached <= target and (reached < rows.station[-1] or used >= earliest):
+        return 1.0
+    if mu <= 0.0 and target <= lam + 2.0 * near:
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        reached, _, used = foresee(rows, edges, lam, mu, middle, by_speed, tick, ticks)
+        if reached <= target and (reached < rows.station[-1] or used >= earliest):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@final
+class ScheduleExecution:
+    """Executes any schedule by precedence: mixed passing orders, any number of arms.
+
+    Every arm has a clock of its own on which it follows its planned motion. It runs on through small lags, so that they
+    are caught up, and waits for its arm when that is held up. It does not run ahead of the clock of an arm that has
+    still to pass somewhere first: an arm is released by where the others *are*. Every command is cut back until its arm
+    could still brake behind its limits (see ``Precedence``) while the others brake as hard as they can. Arms that are
+    late, slow, or stop and go cost time; they cause neither a collision nor a deadlock.
+
+    Raises:
+        InfeasibleError: The schedule leads arms through cells of their charts that are not free.
+    """
+
+    def __init__(self, plan: Schedule, mode: Mode = "speed") -> None:
+        cell = plan.cell
+        self.plan, self.mode = plan, mode
+        self.precedence = precedence(plan)
+        self._period, self._ticks, self._tick = cell.control_period, cell.ticks_per_period, cell.physics_tick
+        self._guard = BrakingGuard(cell.planes, self.precedence, self._period, mode, checks_per_period(cell))
+        self._near = [NEAR * plane.length for plane in cell.planes]
+        self.reset()
+
+    def reset(self) -> None:
+        """Set the clocks of the plan back."""
+        self._clock: list[float] | None = None
+
+    def commands(self, lam: Array, mu: Array) -> Array:
+        """For every arm the largest command that leads it to, not past, its planned place at the end of the period."""
+        clock = self._clocks(lam)
+        planes = self.plan.cell.planes
+        braking = cache(lambda j: self._guard.braking(j, float(lam[j]), float(mu[j])))
+        out = np.ones(len(planes))
+        for i, (plane, motion) in enumerate(zip(planes, self.plan.trajectories, strict=True)):
+            if lam[i] >= plane.length:
+                continue
+            target = float(motion.at(clock[i] + self._period)[0]) + self._near[i]
+            earliest = motion.duration - clock[i] - 1e-6 * motion.duration
+            command = _command_to(
+                plane.rows, plane.edges, lam[i], mu[i], self.mode == "speed", self._tick, self._ticks, target, earliest,
+                self._near[i],
+            )  # fmt: skip
+            out[i] = self._guard.guarded(i, command, float(lam[i]), float(mu[i]), braking)
+        return out
+
+    def _clocks(self, lam: Array) -> list[float]:
+        """The instants of the plan that the arms are to be at now."""
+        motions = self.plan.trajectories
+        ahead = [0.0] * len(motions) if self._clock is None else [clock + self._period for clock in self._clock]
+        # When the plan has an arm where it is; where it dwells, the end of that.
+        planned = [
+            min(float(motion.time_at(min(float(lam[i]) + self._near[i], motion.lam[-1]))), motion.duration)
+            for i, motion in enumerate(motions)
+        ]
+        own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
+        self._clock = [min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))]) for i in range(len(motions))]
+        return self._clock

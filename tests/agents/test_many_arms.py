@@ -1,0 +1,166 @@
+"""Three and four arms: execution by precedence and velocity control, with arms that are late, slow, or stop and go."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from armtempo.agents import PhasePlanePolicy, Policy, SchedulePolicy, VciPolicy, run_episode, to_action
+from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
+from armtempo.errors import InfeasibleError
+from armtempo.planners import Cell, Mode, Schedule, ScheduleExecution, plan_vci
+
+
+def planned(cell: Cell, order: tuple[int, ...] | None = None) -> Schedule:
+    """Velocity control in an order of priority; some regions are passed by the lower one first."""
+    order = tuple(range(len(cell.arms))) if order is None else order
+    motions, _ = plan_vci(cell.planes, cell.chart_between, order, cell.control_period)
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order)
+
+
+@pytest.fixture(params=["trio", "three_arms", "four_arms"])
+def cell(request: pytest.FixtureRequest) -> Cell:
+    found: Cell = request.getfixturevalue(request.param)
+    return found
+
+
+class Disturbed:
+    """A policy whose arms are held, each with its own pattern, whatever the policy asks of them."""
+
+    def __init__(self, policy: Policy, seed: int) -> None:
+        self.policy, self.seed = policy, seed
+
+    def reset(self, seed: int | None = None) -> None:
+        self.policy.reset(seed)
+        self.random = np.random.default_rng(self.seed)
+        self.held: dict[str, float] = {}
+
+    def act(self, observations: dict[str, np.ndarray], env: CoordinationEnv) -> dict[str, np.ndarray]:
+        actions = self.policy.act(observations, env)
+        for agent in env.possible_agents:
+            if self.random.uniform() < 0.06:  # hold it, slow it down, or let it go
+                self.held[agent] = self.random.choice([0.0, 0.4, 1.0], p=[0.3, 0.2, 0.5])
+            if agent in actions:  # never faster than it is told: that is what being held means
+                command = 0.5 * (float(actions[agent][0]) + 1.0)
+                actions[agent] = to_action(command * self.held.get(agent, 1.0))
+        return actions
+
+
+def run(
+    cell: Cell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
+) -> EpisodeTrace:
+    env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
+    try:
+        return run_episode(env, policy, 0)[0]
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(("physics", "mode"), [("bullet", "speed"), ("ideal", "acceleration")])
+def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Physics, mode: Mode) -> None:
+    done = 0
+    for order in permutations(range(len(cell.arms))):
+        try:
+            plan = planned(cell, order)
+        except InfeasibleError:
+            continue
+        done += 1
+        if done > 2:
+            break
+        trace = run(cell, SchedulePolicy(plan), physics=physics, mode=mode)
+        assert trace.violations == 0
+        assert plan.makespan - 1e-3 < trace.makespan < 1.08 * plan.makespan  # the price of being able to brake
+        assert trace.torque_ratio_max <= 1.0 + 1e-3
+    assert done >= 2
+
+
+def test_full_speed_for_all_collides(cell: Cell) -> None:
+    """The tests here can fail."""
+    assert run(cell, PhasePlanePolicy()).violations == 1
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize("late", [0.03, 0.15])
+def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
+    plan = planned(cell)
+    trace = run(cell, SchedulePolicy(plan), physics=physics, late=late)
+    assert trace.violations == 0
+    assert trace.makespan <= 1.08 * plan.makespan + late + 5.0 * cell.control_period
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize("late", [0.03, 0.15])
+def test_velocity_control_behind_a_late_first_arm(trio: Cell, late: float, physics: Physics) -> None:
+    trace = run(trio, VciPolicy(trio), physics=physics, late=late)
+    assert trace.violations == 0
+    assert trace.makespan <= 1.08 * planned(trio).makespan + late + 5.0 * trio.control_period
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_velocity_control_behind_arms_that_stop_and_go(trio: Cell, seed: int) -> None:
+    trace = run(trio, Disturbed(VciPolicy(trio), seed))
+    assert trace.violations == 0
+    assert np.isfinite(trace.makespan)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
+    """Any of them, also those that the others wait for: no collision, no deadlock."""
+    plan = planned(cell)
+    trace = run(cell, Disturbed(SchedulePolicy(plan), seed))
+    assert trace.violations == 0
+    assert np.isfinite(trace.makespan)
+    assert trace.makespan >= plan.makespan - 1e-3
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_velocity_control_on_line(cell: Cell, mode: Mode) -> None:
+    trace = run(cell, VciPolicy(cell), mode=mode)
+    assert trace.violations == 0
+    assert trace.makespan == pytest.approx(planned(cell).makespan, rel=0.1)
+
+
+@pytest.mark.parametrize("others", [None, "vci"])
+def test_yielding_beside_several_arms(trio: Cell, others: str | None) -> None:
+    """A learner that stays where it is does not keep the others, of higher priority, from arriving."""
+    env = YieldingEnv(trio, physics="ideal", others=others, record=True)
+    env.reset(seed=0)
+    while not np.isfinite(env.simulation.arrival[:-1]).all():
+        _, _, terminated, truncated, _ = env.step(-np.ones(1, dtype=np.float32))
+        assert not terminated
+        assert not truncated
+    alone = max(motion.duration for motion in planned(trio).trajectories[:-1])
+    assert env.trace.arrival[:-1].max() == pytest.approx(alone, rel=0.08)
+    env.close()
+
+
+def test_yielding_with_an_execution_of_ones_own(trio: Cell) -> None:
+    """Others that follow a plan in which the learner has its part."""
+    env = YieldingEnv(trio, physics="ideal", others=ScheduleExecution(planned(trio)), learner="slave", record=True)
+    env.reset(seed=0)
+    done = False
+    while not done:
+        lam, mu = env.simulation.lam, env.simulation.mu
+        own = ScheduleExecution(planned(trio)) if env.simulation.time == 0.0 else own
+        action = to_action(float(own.commands(lam, mu)[1]))
+        _, _, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+    assert info["is_success"]
+    env.close()
+
+
+def test_one_agent_acts_alone(cell: Cell) -> None:
+    """A policy that is asked for one arm takes the places of the others from the simulation."""
+    env = CoordinationEnv(cell, physics="ideal")
+    observations, _ = env.reset(seed=0)
+    for policy in (SchedulePolicy(planned(cell)), VciPolicy(cell)):
+        policy.reset(0)
+        whole = policy.act(observations, env)
+        policy.reset(0)
+        for agent in env.agents[-1:]:
+            alone = policy.act({agent: observations[agent]}, env)
+            assert alone.keys() == {agent}
+            np.testing.assert_allclose(alone[agent], whole[agent], atol=1e-3)
+    env.close()
