@@ -57,7 +57,7 @@ def draw(figures: Mapping[str, Figure], folder: Path, output: Output) -> list[st
 
 def plan_figures(cell: Cell, schedules: Mapping[str, Schedule], method: str) -> dict[str, Figure]:
     """Figures of a cell and its plans by file name; charts only where there are two arms or more."""
-    from armtempo.commands import _phase_figures, _space_figures, _time_figures
+    from armtempo.commands import _phase_figures, _solve_figures, _space_figures, _time_figures
 
     plan = schedules[method]
     figures = {"workspace": _space_figures.workspace(cell)}
@@ -83,6 +83,7 @@ def plan_figures(cell: Cell, schedules: Mapping[str, Schedule], method: str) -> 
             cell, {name: _time_figures.planned_speeds(own) for name, own in schedules.items()}, cell.lower_bound
         ),
     }
+    figures |= {f"solve_{arm.name}": _solve_figures.solve(cell, i) for i, arm in enumerate(cell.arms)}
     if len(cell.arms) > 1:
         figures["clearance"] = _time_figures.clearances(cell, schedules, emphasised=method)
     return figures

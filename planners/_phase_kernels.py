@@ -415,7 +415,7 @@ def active_rows(rows: Rows, x: Array, u: Array, row: Ints, side: Ints) -> None:
                 above, below = (rows.high[k, j] - value) / width, (value - rows.low[k, j]) / width
                 if min(above, below) < nearest:
                     nearest, row[i], side[i] = min(above, below), j, 1 if above < below else -1
-        if nearest > 1e-6:
+        if nearest > 1e-4:
             row[i], side[i] = -1, 0
 
 
