@@ -465,7 +465,7 @@ def test_data_sheets_fill_what_an_arm_leaves_open() -> None:
     panda = "pybullet_data/franka_panda/panda.urdf"
     sheet = robot_config(panda)
     assert sheet is not None
-    assert sheet.limits.torque_nm == (87, 87, 87, 87, 12, 12, 12)
+    assert list(sheet.limits.torque_nm or ()) == [87, 87, 87, 87, 12, 12, 12]
     assert robot_config("planar_two_link.urdf") is None
     limits = {"torque_nm": [None, 50, None, None, None, None, 6]}
     friction = {"coulomb_nm": [0] * 7}
