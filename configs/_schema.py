@@ -178,17 +178,15 @@ class PathConfig(_Model):
     """Joint positions [rad] (prismatic joints: [m]), one row per waypoint, one value per joint from the base on."""
     waypoints_file: str | None = None
     """CSV or JSON file of waypoints, a path from the cell file; columns may be named after the joints."""
-    segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)] | None = Field(
-        default_factory=lambda: None  # no default value: it is not one of the kinds to choose from
-    )
+    segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)] = ()
     """Pieces in order; each begins where the one before ended."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         kind = _exactly_one(self, "a path")
-        if kind == "start_m" and self.segments is None:
+        if kind == "start_m" and not self.segments:
             raise ValueError("segments: missing; a path that starts at start_m goes on in lines and arcs")
-        if kind != "start_m" and self.segments is not None:
+        if kind != "start_m" and self.segments:
             raise ValueError(f"segments: belong to start_m, not to {kind}")
         return self
 
@@ -349,8 +347,8 @@ class CellConfig(_Model):
     """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
     stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000
     """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
-    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] | None = None
-    """Side of the smallest cell of a coordination chart [m], at most 4096 cells along each side; null: 0.0004 m."""
+    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] = 0.0004
+    """Side of the smallest cell of a coordination chart [m]; a chart has at most 4096 cells along each side."""
     chart_cells: Annotated[int, Field(ge=16, le=4096, strict=True)] | None = None
     """Instead: cells along each side, a power of two; null: 1024 where a path goes through joint waypoints."""
     arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
@@ -379,7 +377,7 @@ class CellConfig(_Model):
             cells = 1024
         if cells is not None:
             return longest / cells * (1.0 + 1e-9)  # so that rounding does not double the cells
-        return 0.0004 if self.chart_tolerance_m is None else self.chart_tolerance_m
+        return self.chart_tolerance_m
 
     @property
     def ticks_per_period(self) -> int:
@@ -399,7 +397,7 @@ class CellConfig(_Model):
     def _one_chart_size(self) -> Self:
         if self.chart_cells is not None and self.chart_cells & (self.chart_cells - 1):
             raise ValueError(f"chart_cells: must be a power of two, got {self.chart_cells}")
-        if self.chart_tolerance_m is not None:
+        if "chart_tolerance_m" in self.model_fields_set:
             if self.chart_cells is not None:
                 raise ValueError("chart_cells: give it or chart_tolerance_m, not both")
             if any(arm.path.start_m is None for arm in self.arms):

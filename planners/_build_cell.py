@@ -154,7 +154,7 @@ def _build_path(arm: Arm, cell: CellConfig, config: ArmConfig) -> JointPath:
         return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm)
     segments: list[Line | Arc] = []
     start = np.array(given.start_m)
-    for k, segment in enumerate(given.segments or ()):
+    for k, segment in enumerate(given.segments):
         try:
             segments.append(_build_segment(start, segment))
         except ArmtempoError as error:

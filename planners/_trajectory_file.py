@@ -83,7 +83,7 @@ class JointTrajectory:
         steps = trajectory.duration / period
         if steps > MOST_ROWS:
             raise InputError(f"a period of {period} s gives {steps:.3g} rows", remedy="give a longer period")
-        time = period * np.arange(math.ceil(steps * (1.0 - 1e-12)))
+        time: Array = period * np.arange(math.ceil(steps * (1.0 - 1e-12)), dtype=np.float64)
         time = np.append(time[time < trajectory.duration], trajectory.duration)
         lam, mu, mu_dot = (value[:, None] for value in trajectory.at(time))
         q, dq, ddq = path.evaluate(lam[:, 0])

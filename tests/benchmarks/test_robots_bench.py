@@ -65,7 +65,7 @@ def test_path_coefficients_against_pinocchio(benchmark: Any, capsys: pytest.Capt
     benchmark(one_pass)
     with capsys.disabled():
         print(  # noqa: T201
-            f"\npath coefficients of 7 joints at 1001 stations: {ours:.2f} ms; three passes {separate:.2f} ms; Pinocchio "
+            f"\n7 joints, 1001 stations: path coefficients {ours:.2f} ms; three passes {separate:.2f} ms; Pinocchio "
             f"from Python {peer:.1f} ms, {peer / ours:.0f} times slower; PathDynamics.from_path {whole:.2f} ms"
         )
     assert separate / ours > 1.2

@@ -14,7 +14,7 @@ import imageio.v3 as imageio
 import pytest
 
 from armtempo.commands import main
-from armtempo.configs import data_path
+from armtempo.configs import bundled_cells, data_path
 
 POLICY_KEYS = {
     "plan_makespan_s",
@@ -213,7 +213,7 @@ def test_record_writes_mp4_and_folders_whole(tmp_path: Path) -> None:
 
 def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["cells", "--json", "list.json"]) == 0
-    assert [entry["cell"] for entry in load("list.json")] == ["lee1991"]
+    assert [entry["cell"] for entry in load("list.json")] == list(bundled_cells())
     assert main(["cells", "lee1991", "--json", "cell.json"]) == 0
     facts = load("cell.json")
     assert [arm["minimum_time_s"] for arm in facts["arms"]] == pytest.approx([0.2862, 0.2862], abs=3e-4)

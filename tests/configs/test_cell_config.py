@@ -465,7 +465,7 @@ def test_data_sheets_fill_what_an_arm_leaves_open() -> None:
     panda = "pybullet_data/franka_panda/panda.urdf"
     sheet = robot_config(panda)
     assert sheet is not None
-    assert sheet.limits.torque_nm == (87, 87, 87, 87, 12, 12, 12)
+    assert list(sheet.limits.torque_nm or ()) == [87, 87, 87, 87, 12, 12, 12]
     assert robot_config("planar_two_link.urdf") is None
     limits = {"torque_nm": [None, 50, None, None, None, None, 6]}
     friction = {"coulomb_nm": [0] * 7}
@@ -473,9 +473,9 @@ def test_data_sheets_fill_what_an_arm_leaves_open() -> None:
     arm = ArmConfig.model_validate(
         {"name": "a", "urdf": panda, "limits": limits, "friction": friction, "path": path}
     ).over(sheet)
-    assert arm.limits.torque_nm == (87, 50, 87, 87, 12, 12, 6)
-    assert arm.limits.acceleration_rad_s2 == (15, 7.5, 10, 12.5, 15, 20, 20)
-    assert arm.friction.coulomb_nm == (0,) * 7
+    assert list(arm.limits.torque_nm or ()) == [87, 50, 87, 87, 12, 12, 6]
+    assert list(arm.limits.acceleration_rad_s2 or ()) == [15, 7.5, 10, 12.5, 15, 20, 20]
+    assert list(arm.friction.coulomb_nm or ()) == [0] * 7
     assert arm.friction.viscous_nm_s_rad == sheet.friction.viscous_nm_s_rad
     assert arm.tip_link == "panda_grasptarget"
     assert arm.over(None) is arm
