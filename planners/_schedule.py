@@ -28,7 +28,7 @@ from armtempo.planners._best_responses import optimal, prioritised
 from armtempo.planners._cell import Cell
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
-from armtempo.planners._start_delays import delayed, offset, one_by_one
+from armtempo.planners._start_delays import delayed, offset, one_by_one, pair_delay
 from armtempo.planners._vci import VciPlan, VelocityControl
 
 Array = NDArray[np.float64]
@@ -219,6 +219,7 @@ def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> 
     )
     motions = list(cell.fastest)
     try:
+        pair_delay(cell.timing, first, second, cell.fastest[first], cell.fastest[second])  # can it stay behind at all?
         plan = control.plan(cell.fastest[first])
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way
