@@ -34,7 +34,7 @@ def check(problem: TimingProblem, motions: Motions) -> None:
 
 def random_blocks(seed: int, most: int = 4) -> list[tuple[float, ...]]:
     random = np.random.default_rng(seed)
-    blocks = []
+    blocks: list[tuple[float, ...]] = []
     for _ in range(random.integers(1, most)):
         a, b = np.sort(random.integers(0, 17, 2)) / 16, np.sort(random.integers(0, 17, 2)) / 16
         blocks.append((a[0], a[1], b[0], b[1]))
@@ -88,8 +88,9 @@ def _together(shut: NDArray[np.bool_], steps_per_second: int, most: int) -> int:
                             place[1, k] = (sb // speeds + 2.0 * (sb % speeds) * w + ub * w * w) / units * size
                         free = True
                         for k in range(8):
-                            for i in range(int(place[0, k] + 1e-9), max(int(np.ceil(place[0, k + 1] - 1e-9)), 1)):
-                                for j in range(int(place[1, k] + 1e-9), max(int(np.ceil(place[1, k + 1] - 1e-9)), 1)):
+                            i0, j0 = min(int(place[0, k] + 1e-9), size - 1), min(int(place[1, k] + 1e-9), size - 1)
+                            for i in range(i0, max(int(np.ceil(place[0, k + 1] - 1e-9)), i0 + 1)):
+                                for j in range(j0, max(int(np.ceil(place[1, k + 1] - 1e-9)), j0 + 1)):
                                     free = free and not shut[i, j]
                         if free:
                             after[ta * speeds + va, tb * speeds + vb] = True
@@ -131,12 +132,14 @@ def test_f_g_delay_is_best_where_priority_is_uniform_and_nothing_is_below_the_bo
     make_problem: Problems, seed: int
 ) -> None:
     problem = make_problem({(0, 1): random_blocks(seed)})
-    found = {}
-    for name, plan in (
+    found: dict[str, float] = {}
+    plans: tuple[tuple[str, Callable[[tuple[int, ...]], Motions]], ...]
+    plans = (
         ("delay", lambda order: delayed(problem, problem.fastest, order)),
         ("offset", lambda order: offset(problem, order)),
         ("interval", lambda order: prioritised(problem, order)),
-    ):
+    )
+    for name, plan in plans:
         for order in ((0, 1), (1, 0)):
             try:
                 motions = plan(order)
@@ -167,7 +170,7 @@ def monotone_path(free: NDArray[np.bool_], *, kings: bool) -> bool:
     return bool(reached[-1, -1])
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_every_chart_with_a_monotone_path_is_solved_and_the_rest_is_named(make_problem: Problems, seed: int) -> None:
     random = np.random.default_rng(seed)
     states: States = (random.random((16, 16)) < random.choice([0.15, 0.3, 0.4])).astype(np.uint8)
@@ -207,7 +210,7 @@ def test_h_where_nothing_works_nobody_claims_it_does(make_problem: Problems) -> 
 
 def stairs() -> list[tuple[float, ...]]:
     """Free only along a staircase of squares: the arms have to move one at a time, and to stop."""
-    steps = [(k / 8, (k + 1) / 8, 0.0, (k - 1) / 8) for k in range(2, 8)]
+    steps: list[tuple[float, ...]] = [(k / 8, (k + 1) / 8, 0.0, (k - 1) / 8) for k in range(2, 8)]
     return steps + [(k / 8, (k + 1) / 8, (k + 2) / 8 + 1 / 64, 1.0) for k in range(6)] + [(0.0, 1 / 8, 9 / 64, 1.0)]
 
 
@@ -234,7 +237,7 @@ def test_a_move_from_rest_to_rest_is_as_fast_as_it_can_be(make_problem: Problems
 
 def test_an_arm_that_would_have_to_stand_where_it_cannot(make_problem: Problems) -> None:
     grid = np.linspace(0.0, 1.0, 401)
-    load = np.where((grid > 0.1) & (grid < 0.9), 1.2, 0.0)[:, None]
+    load = np.where((grid > 0.1) & (grid < 0.9), 1.05, 0.0)[:, None]
     one, zero = np.ones((401, 1)), np.zeros((401, 1))
     heavy = PhasePlane(PathDynamics(grid, one, zero, zero, load, [-1.5], [1.0]))
     light = PhasePlane(PathDynamics(grid, one, zero, zero, zero, [-1e-3], [1e-3]))
