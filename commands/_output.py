@@ -183,7 +183,7 @@ def plan_all(
             progress.update(task, description=f"Planning {method}", completed=k)
             start = time.perf_counter()
             try:
-                schedules[method] = schedule(cell, method, **({"period": period} if method == "vci" and period else {}))
+                schedules[method] = schedule(cell, method, period=(period or None) if method == "vci" else None)
             except InfeasibleError as refusal:
                 refusals[method] = str(refusal)
                 if len(refusals) == len(chosen):

@@ -109,10 +109,10 @@ def _guides(problem: TimingProblem) -> Iterator[tuple[int, Occupancy]]:
     path = guide_path(*problem.fastest, chart)
     if path is None:
         return
-    clock = np.arange(len(path)) * float(np.diff(path, axis=0).max())
+    clock: Array = np.arange(len(path)) * float(np.diff(path, axis=0).max())
     for stretch in STRETCHES:
         for arm, swapped in ((0, chart), (1, chart.swapped)):
-            yield arm, _virtual(problem.fastest[arm], path[:, arm], stretch * clock, swapped)
+            yield arm, _virtual(problem.fastest[arm], path[:, arm], np.asarray(stretch * clock), swapped)
 
 
 def _virtual(fastest: PhaseTrajectory, theta: Array, clock: Array, chart: CoordinationChart) -> Occupancy:
@@ -134,8 +134,8 @@ def _answered(problem: TimingProblem, arm: int, virtual: Occupancy) -> Motions |
     """The other arm answers a virtual one, the arm itself answers that answer; None if either cannot."""
     other = 1 - arm
     try:
-        answer = problem.searches[other].respond({arm: virtual}, stages=COARSE)
-        own = _respond(problem, arm, {other: answer}, COARSE)
+        answer = problem.searches[other].respond({arm: virtual}, stages=COARSE[:1])
+        own = _respond(problem, arm, {other: answer}, COARSE[:1])
     except InfeasibleError:
         return None
     return (own, answer) if arm == 0 else (answer, own)

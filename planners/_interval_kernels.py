@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LABELS = 12  # intervals kept per state; the latest are dropped
-SHUT = 512  # forbidden windows considered per transit
+SHUT = 256  # forbidden windows told apart in one interval
 SLACK = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
 
 
@@ -42,6 +42,7 @@ class Windows(NamedTuple):
     start: Array
     stop: Array
     slot: Ints  # (N+1,) the slot that begins at each station (N: one past the last)
+    loose: float  # windows of neighbouring slots that differ by no more than this may become one [s]
 
 
 @njit
@@ -92,24 +93,52 @@ def _drags(rows: Rows, p: int, q: int, x: float, u: float) -> bool:
 
 
 @njit
-def _shut_departures(windows: Windows, i: int, x: float, u: float, out: Array) -> int:
-    """Collect the open intervals of departure times at which a transit of interval i would be somewhere forbidden."""
+def _blocks(windows: Windows, i: int, loose: float, out: Array) -> int:
+    """Collect the windows of interval i: from and to which way into it, from and to when, (B, 4).
+
+    Windows of neighbouring slots that differ by no more than ``loose`` become one that covers both.
+    """
     count = 0
-    mu = np.sqrt(x)
     origin = windows.border[windows.slot[i]]
-    entered = 0.0
     for s in range(windows.slot[i], windows.slot[i + 1]):
-        way = windows.border[s + 1] - origin
-        left = 2.0 * way / (mu + np.sqrt(max(x + 2.0 * way * u, 0.0)))
+        begin, end = windows.border[s] - origin, windows.border[s + 1] - origin
         for w in range(windows.first[s], windows.first[s + 1]):
-            if count < out.shape[0]:
-                out[count, 0], out[count, 1] = windows.start[w] - left, windows.stop[w] - entered
+            start, stop = windows.start[w], windows.stop[w]
+            e = count - 1
+            while e >= 0 and not (
+                out[e, 1] == begin
+                and (out[e, 2] == start or abs(out[e, 2] - start) <= loose)
+                and (out[e, 3] == stop or abs(out[e, 3] - stop) <= loose)
+            ):
+                e -= 1
+            if e < 0 and count < out.shape[0]:
+                out[count, 0], out[count, 1], out[count, 2], out[count, 3] = begin, end, start, stop
                 count += 1
-            else:  # too many to tell apart: one that covers the rest
-                out[count - 1, 0] = min(out[count - 1, 0], windows.start[w] - left)
-                out[count - 1, 1] = max(out[count - 1, 1], windows.stop[w] - entered)
-        entered = left
+            else:  # too many to tell apart: the last covers the rest
+                e = max(e, 0) if e >= 0 else count - 1
+                out[e, 1] = end
+                out[e, 2], out[e, 3] = min(out[e, 2], start), max(out[e, 3], stop)
     return count
+
+
+@njit
+def _shut_departures(
+    blocks: Array, count: int, way: float, x: float, u: float, time: float, after: float, before: float, out: Array
+) -> int:
+    """Collect the open intervals of departures, within (after, before), that would be in a block in its window."""
+    shut = 0
+    mu = np.sqrt(x)
+    for e in range(count):
+        if blocks[e, 3] <= after or blocks[e, 2] >= before + time:
+            continue
+        entered, left = 0.0, time
+        if blocks[e, 0] > 0.0:
+            entered = 2.0 * blocks[e, 0] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 0] * u, 0.0)))
+        if blocks[e, 1] < way:
+            left = 2.0 * blocks[e, 1] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 1] * u, 0.0)))
+        out[shut, 0], out[shut, 1] = blocks[e, 2] - left, blocks[e, 3] - entered
+        shut += 1
+    return shut
 
 
 @njit
@@ -201,6 +230,7 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Array, label: 
     ``label`` (N+1, K, L, 2) and ``count`` (N+1, K), zero at first; labels of states at rest end up grown by waiting.
     """
     last = lattice.pick.shape[0] - 1
+    blocks = np.empty((SHUT, 4))
     shut = np.empty((SHUT, 2))
     pieces = np.empty((LABELS + SHUT, 2))
     grown = np.empty((label.shape[2], 2))
@@ -216,10 +246,12 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Array, label: 
         if i == last:
             break
         way = rows.station[lattice.pick[i + 1]] - rows.station[lattice.pick[i]]
+        known = _blocks(windows, i, windows.loose, blocks)
         for k in range(lattice.width[i]):
             if count[i, k] == 0:
                 continue
             x = lattice.level[i, k]
+            begin, end = label[i, k, 0, 0], min(label[i, k, count[i, k] - 1, 1], latest[i + 1])
             u_low, u_high = _accelerations(rows, lattice.pick[i], lattice.pick[i + 1], x)
             if u_low > u_high:
                 continue
@@ -235,7 +267,7 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Array, label: 
                 if friction and not _drags(rows, lattice.pick[i], lattice.pick[i + 1], x, u):
                     continue
                 time = 2.0 * way / (np.sqrt(x) + np.sqrt(x_to))
-                closed = _shut_departures(windows, i, x, u, shut)
+                closed = _shut_departures(blocks, known, way, x, u, time, begin, end, shut)
                 for m in range(count[i, k]):
                     pieces[0, 0], pieces[0, 1] = label[i, k, m, 0], label[i, k, m, 1]
                     n = 1
@@ -280,6 +312,7 @@ def trace(
     Of the ways back the one is taken that changes ``u`` least. Returns 0, or the station where none is left.
     """  # fmt: skip
     last = lattice.pick.shape[0] - 1
+    blocks = np.empty((SHUT, 4))
     shut = np.empty((SHUT, 2))
     pieces = np.empty((LABELS + SHUT, 2))
     x[last], leave[last] = lattice.level[last, end], time
@@ -297,6 +330,7 @@ def trace(
                     since = max(since, windows.stop[w])
         least, found = np.inf, False
         slack = 1e-10 * (1.0 + leave[i + 1])
+        known = _blocks(windows, i, windows.loose, blocks)
         for k in range(lattice.width[i]):
             if count[i, k] == 0:
                 continue
@@ -313,7 +347,7 @@ def trace(
             if not _drags(rows, lattice.pick[i], lattice.pick[i + 1], x_from, u):
                 continue
             duration = 2.0 * way / (np.sqrt(x_from) + np.sqrt(x_to))
-            closed = _shut_departures(windows, i, x_from, u, shut)
+            closed = _shut_departures(blocks, known, way, x_from, u, duration, -np.inf, np.inf, shut)
             for m in range(count[i, k]):
                 pieces[0, 0], pieces[0, 1] = label[i, k, m, 0], label[i, k, m, 1]
                 n = 1

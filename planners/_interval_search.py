@@ -29,6 +29,7 @@ Ints = NDArray[np.int64]
 
 FINEST = 1200  # intervals between stations at most
 SLOTS = 1024  # equal pieces of the path, at least, with windows of their own
+LOOSE = 0.1  # of the mean time between stations: windows that differ by less are one
 TORQUE_TOLERANCE = 1e-3
 GAIN = 2e-4  # share of the arrival time that is worth another search
 
@@ -162,7 +163,8 @@ class IntervalSearch:
     def _windows(self, pick: Ints, first: Ints, start: Array, stop: Array) -> Windows:
         border = self._border
         slot = np.searchsorted(border, self.plane.rows.station[pick])
-        return Windows(border, first, start, stop, slot.astype(np.int64))
+        loose = LOOSE * self.fastest.duration / len(pick)
+        return Windows(border, first, start, stop, slot.astype(np.int64), loose)
 
     def _search(
         self, first: Ints, start: Array, stop: Array, horizon: float, stages: Sequence[Stage], rows: Rows

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,8 +215,7 @@ def _first_root(square: Array, linear: Array, value: Array) -> Array:
     return first
 
 
-def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> Schedule:
-    period = cell.control_period if period is None else period
+def _vci(cell: Cell, order: tuple[int, ...], period: float) -> Schedule:
     try:
         motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
     except InfeasibleError as refusal:
@@ -229,7 +227,7 @@ def _vci(cell: Cell, order: tuple[int, ...], *, period: float | None = None) -> 
     return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
 
 
-_PLANNERS: dict[str, Callable[..., Schedule]] = {
+_PLANNERS: dict[str, Callable[..., Schedule]] = {  # in the order in which tables show them
     "sequential": _sequential,
     "constant-speed": _constant_speed,
     "constant-acceleration": _constant_acceleration,
@@ -242,7 +240,7 @@ _PLANNERS: dict[str, Callable[..., Schedule]] = {
 METHODS = tuple(_PLANNERS)
 
 
-def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, **options: Any) -> Schedule:
+def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, period: float | None = None) -> Schedule:
     """Plan when every arm of a cell moves.
 
     Args:
@@ -250,17 +248,19 @@ def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, **o
         method: One of ``METHODS``.
         order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
             is safe, ``optimal`` does without it.
-        **options: ``period`` [s] for ``vci`` (default: the cell's control period).
+        period: Step of ``vci`` [s] (default: the cell's control period).
 
     Raises:
         UnknownNameError: No such method.
-        InputError: ``order`` does not name every arm once.
+        InputError: ``order`` does not name every arm once, or ``period`` is no period or is given to another method.
         CollisionError: The arms are too close where they start or where they end.
         InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
     if method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
+    if period is not None and method != "vci":
+        raise InputError(f"method {method!r} has no period: it is that of 'vci'")
     arms = tuple(range(len(cell.arms)))
     chosen = arms if order is None else tuple(order)
     if tuple(sorted(chosen)) != arms:
@@ -270,4 +270,6 @@ def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, **o
             return _trapezoidal(cell, (0,), method)
         return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
     cell.check_ends()
-    return _PLANNERS[method](cell, chosen, **options)
+    if method == "vci":
+        return _vci(cell, chosen, cell.control_period if period is None else period)
+    return _PLANNERS[method](cell, chosen)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners import PhaseTrajectory, TimingProblem
+from armtempo.planners import PathDynamics, PhasePlane, PhaseTrajectory, TimingProblem
 from armtempo.planners._best_responses import prioritised
 from armtempo.planners._start_delays import offset, start_offset
 from armtempo.planners._time_windows import pair_is_free
@@ -37,6 +37,12 @@ def certified(problem: TimingProblem, master: PhaseTrajectory, slave: PhaseTraje
         and certificate.end_speed_error < 1e-9
         and bool((np.diff(slave.time) >= 0.0).all())
     )
+
+
+def double_integrator(stations: int = 400, limit: float = 1.0) -> PhasePlane:
+    """A path of length 1 with |mu_dot| <= limit."""
+    grid, one, zero = np.linspace(0.0, 1.0, stations + 1), np.ones((stations + 1, 1)), np.zeros((stations + 1, 1))
+    return PhasePlane(PathDynamics(grid, one, zero, zero, zero, [-limit], [limit]))
 
 
 # -- closed forms -----------------------------------------------------------------------------------------------------
@@ -74,10 +80,14 @@ def test_out_of_the_start_and_not_yet_into_the_gate(make_problem: Problems, plac
     t - sqrt(2 (gate - place)) + 2 sqrt(1 - place).
     """
     opens, closes = 0.8125, 0.3125  # of the master's way
-    problem = make_problem({(0, 1): [(closes, 1.0, 0.0, place), (0.0, opens, gate, 1.0)]})
+    problem = make_problem(
+        {(0, 1): [(closes, 1.0, 0.0, place), (0.0, opens, gate, 1.0)]},
+        planes=(double_integrator(400, 0.25), double_integrator()),
+    )
     master = problem.fastest[0]
     with pytest.raises(InfeasibleError):
         start_offset(problem, 1, {0: master})
+    assert float(master.time_at(closes)) > 2.0 * math.sqrt(place)  # there is time to stop behind ``place``
     t = float(master.time_at(opens))
     best = t - math.sqrt(2.0 * (gate - place)) + 2.0 * math.sqrt(1.0 - place)
     motion = respond(problem, master)
@@ -86,8 +96,6 @@ def test_out_of_the_start_and_not_yet_into_the_gate(make_problem: Problems, plac
 
 
 def test_stations_that_are_far_apart_cost_little(make_problem: Problems) -> None:
-    from conftest import double_integrator
-
     blocks = {(0, 1): [(0.3125, 1.0, 0.0, 0.125), (0.0, 0.8125, 0.5, 1.0)]}
     made = [make_problem(blocks, planes=(double_integrator(n), double_integrator(n))) for n in (100, 400, 3000)]
     times = [respond(problem, problem.fastest[0]).duration for problem in made]
@@ -172,8 +180,6 @@ block = st.tuples(sixteenths, sixteenths, sixteenths, sixteenths).map(
 def test_what_it_returns_is_certified_and_no_later_than_an_offset(
     make_problem: Problems, blocks: list[tuple[float, ...]], late: float, limit: float
 ) -> None:
-    from conftest import double_integrator
-
     planes = (double_integrator(200), double_integrator(200, limit))
     problem = make_problem({(0, 1): blocks}, resolution=64, planes=planes)
     master = problem.fastest[0].delayed(late)
@@ -185,9 +191,8 @@ def test_what_it_returns_is_certified_and_no_later_than_an_offset(
         assert certified(problem, master, shifted)
     try:
         motion = respond(problem, master)
-    except InfeasibleError as refusal:
+    except InfeasibleError:
         assert shifted is None
-        assert refusal.data["reason"] in ("unsafe start", "parked in the way", "no gap")
         return
     assert certified(problem, master, motion)
     assert motion.duration >= problem.fastest[1].duration * (1.0 - 1e-9)
@@ -219,7 +224,7 @@ def test_d_a_master_that_parks_on_the_path(make_problem: Problems) -> None:
 
 def test_c_a_start_inside_the_closure(make_problem: Problems) -> None:
     """The slave cannot stay where it starts: it goes before, and is told so if it must not."""
-    problem = make_problem({(0, 1): [(0.25, 0.75, 0.0, 0.25)]})
+    problem = make_problem({(0, 1): [(0.25, 0.75, 0.0, 0.1875)]})
     motion = respond(problem, problem.fastest[0])
     assert motion.duration == pytest.approx(2.0, rel=1e-4)
     assert offset(problem, (0, 1))[1].duration == pytest.approx(2.0, rel=1e-4)
@@ -242,13 +247,9 @@ def test_behind_two_others_at_once(make_problem: Problems) -> None:
 
 def test_who_cannot_stand_still_does_not_wait(make_problem: Problems) -> None:
     """A load that the arm can only carry in motion for a part of its way: the answer never dwells there."""
-    from armtempo.planners import PathDynamics, PhasePlane
-
     grid = np.linspace(0.0, 1.0, 401)
     load = np.where((grid > 0.25) & (grid < 0.5), 1.2, 0.0)[:, None]  # |u + load| <= 1: it is braked
     one, zero = np.ones((401, 1)), np.zeros((401, 1))
-    from conftest import double_integrator
-
     heavy = PhasePlane(PathDynamics(grid, one, zero, zero, load, [-1.0], [1.0]))
     problem = make_problem(
         {(0, 1): [(0.3125, 1.0, 0.0, 0.125), (0.0, 0.8125, 0.5, 1.0)]}, planes=(double_integrator(), heavy)

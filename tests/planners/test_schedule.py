@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, CoordinationChart, Schedule, makespan_bound, schedule
+from armtempo.planners import METHODS, Cell, CoordinationChart, Schedule, load_cell, makespan_bound, schedule
 
 Floats = NDArray[np.float64]
 
@@ -20,8 +24,9 @@ def plans(lee1991: Cell) -> dict[str, Schedule]:
     return {method: schedule(lee1991, method) for method in METHODS}
 
 
-def test_the_methods_are_those_of_the_paper() -> None:
-    assert METHODS == ("sequential", "constant-speed", "constant-acceleration", "delay", "vci", "optimal")
+def test_the_methods_are_those_of_the_paper_and_better_ones() -> None:
+    assert METHODS[:5] == ("sequential", "constant-speed", "constant-acceleration", "delay", "vci")
+    assert METHODS[5:] == ("offset", "interval", "optimal")
 
 
 def test_makespans_of_the_paper(plans: dict[str, Schedule], lee1991: Cell) -> None:
@@ -163,7 +168,7 @@ def with_chart(cell: Cell, states: Floats) -> Cell:
     return copy
 
 
-@pytest.mark.parametrize("method", ["delay", "constant-speed", "vci"])
+@pytest.mark.parametrize("method", ["delay", "constant-speed"])
 def test_a_start_that_is_not_safe_to_wait_in(lee1991: Cell, method: str) -> None:
     states = np.zeros((128, 128))
     states[20:60, :10] = 2
@@ -178,7 +183,7 @@ def test_a_start_that_is_not_safe_to_wait_in(lee1991: Cell, method: str) -> None
     assert plan.certificate.certified_free
 
 
-@pytest.mark.parametrize("method", ["delay", "constant-acceleration", "vci"])
+@pytest.mark.parametrize("method", ["delay", "constant-acceleration"])
 def test_a_master_that_parks_in_the_way(lee1991: Cell, method: str) -> None:
     states = np.zeros((128, 128))
     states[100:, 60:90] = 2
@@ -189,12 +194,17 @@ def test_a_master_that_parks_in_the_way(lee1991: Cell, method: str) -> None:
     assert schedule(cell, "optimal").order == schedule(cell, "sequential").order == (1, 0)
 
 
-def test_where_neither_can_go_first_both_reasons_are_given(lee1991: Cell) -> None:
+def test_where_neither_can_go_first_everywhere(lee1991: Cell) -> None:
     states = np.zeros((128, 128))
     states[100:, 60:90] = 2
     states[60:90, 100:] = 2
-    with pytest.raises(InfeasibleError, match=r"neither arm of cell 'lee1991'.*'master' ends.*'slave' ends"):
-        schedule(with_chart(lee1991, states), "optimal")
+    cell = with_chart(lee1991, states)
+    for order, name in (((0, 1), "master"), ((1, 0), "slave")):
+        with pytest.raises(InfeasibleError, match=rf"arm '{name}' ends in the way"):
+            schedule(cell, "delay", order=order)
+    plan = schedule(cell, "optimal")  # each goes first where it has to
+    assert plan.certificate.certified_free
+    assert plan.certificate.torque_ratio_max < 1 + 1e-3
 
 
 def test_several_regions_are_all_passed_behind(lee1991: Cell) -> None:
@@ -236,7 +246,143 @@ def test_a_period_is_a_positive_number(lee1991: Cell, period: float) -> None:
         schedule(lee1991, "vci", period=period)
 
 
-def test_three_arms_are_refused(lee1991: Cell) -> None:
-    three = dataclasses.replace(lee1991, arms=(*lee1991.arms, lee1991.arms[0]))
-    with pytest.raises(InfeasibleError, match=r"has 3 arms"):
-        schedule(three, "delay")
+@pytest.mark.parametrize("order", [(0,), (0, 0), (1, 2), (0, 1, 2)])
+def test_an_order_names_every_arm_once(lee1991: Cell, order: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="once"):
+        schedule(lee1991, "delay", order=order)
+
+
+def test_a_period_is_only_for_vci(lee1991: Cell) -> None:
+    with pytest.raises(InputError, match="'delay' has no period"):
+        schedule(lee1991, "delay", period=0.01)
+
+
+@pytest.mark.parametrize("method", ["sequential", "delay", "offset", "interval", "vci"])
+def test_either_order_can_be_asked_for(lee1991: Cell, method: str) -> None:
+    for order in ((0, 1), (1, 0)):
+        plan = schedule(lee1991, method, order=order)
+        assert plan.order == order
+        assert plan.trajectories[order[0]].duration == lee1991.fastest[order[0]].duration
+        assert plan.fallback is None
+
+
+def test_vci_falls_back_where_the_slave_has_to_pass_first(lee1991: Cell) -> None:
+    states = np.zeros((128, 128))
+    states[100:, 60:90] = 2  # the master parks there
+    plan = schedule(with_chart(lee1991, states), "vci")
+    assert plan.fallback == "interval"
+    assert plan.vci is None
+    assert plan.certificate.certified_free
+    states[100:, 60:] = 2  # for good: the refusal is velocity control's own
+    with pytest.raises(InfeasibleError, match=r"'master' ends in the way") as refusal:
+        schedule(with_chart(lee1991, states), "vci")
+    assert refusal.value.data["reason"] == "parked in the way"
+
+
+def test_the_class_of_the_papers_cell(lee1991: Cell) -> None:
+    assert lee1991.priority_class == lee1991.pair_class(1, 0) == "uniform"
+    assert lee1991.holdable == (True, True)
+    assert lee1991.bound.time == lee1991.lower_bound
+
+
+def test_h_certified_infeasible_is_what_every_method_reports(lee1991: Cell) -> None:
+    states = np.zeros((128, 128))
+    states[30:34, :] = 2
+    cell = with_chart(lee1991, states)
+    cell.__dict__["_charts"][0, 1, cell.d_min] = cell.chart
+    assert cell.priority_class == "infeasible"
+    assert cell.lower_bound == math.inf
+    for method in METHODS:
+        with pytest.raises(InfeasibleError):
+            schedule(cell, method)
+    with pytest.raises(InfeasibleError, match="certified") as refusal:
+        schedule(cell, "optimal")
+    assert refusal.value.data["reason"] == "certified infeasible"
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Cell:
+    return load_cell("mixed-priority")
+
+
+def test_a_cell_where_each_arm_must_pass_first_somewhere(mixed: Cell) -> None:
+    assert mixed.priority_class == "mixed"
+    assert mixed.chart.regions >= 2
+    for method in ("delay", "offset"):
+        for order in ((0, 1), (1, 0)):
+            with pytest.raises(InfeasibleError):
+                schedule(mixed, method, order=order)
+    for method, fallback in (("interval", None), ("vci", "interval"), ("optimal", None)):
+        plan = schedule(mixed, method)
+        assert plan.fallback == fallback
+        assert 0.0 <= plan.gap_percent < 0.5
+        assert plan.certificate.certified_free
+        assert plan.certificate.torque_ratio_max < 1 + 1e-3
+        assert plan.certificate.min_clearance >= mixed.planned_clearance - 1e-9
+
+
+def lines(*segments: tuple[float, ...]) -> list[dict[str, Any]]:
+    def point(x: float, y: float) -> list[float]:
+        return [x, y, 0.0]
+
+    return [
+        {"line": {"to_m": point(*s)}} if len(s) == 2 else {"arc": {"to_m": point(*s[:2]), "center_m": point(*s[2:])}}
+        for s in segments
+    ]
+
+
+def test_where_both_have_to_yield(write_cell: Callable[..., Path]) -> None:
+    """No method that leaves the first arm at full speed finds a way; with both free to yield there is one."""
+
+    def change(data: dict[str, Any]) -> None:
+        master, slave = data["arms"]
+        slave["base"]["position_m"] = [0.7, 0, 0]
+        master["path"] = {
+            "start_m": [0.2, 0.35, 0],
+            "segments": lines((0.2, 0.2), (0.3, 0.1, 0.3, 0.2), (0.4, 0.1), (0.45, 0.15, 0.4, 0.15), (0.45, 0.35)),
+        }
+        slave["path"] = {
+            "start_m": [0.2, 0.3, 0],
+            "segments": lines((0.35, 0.3), (0.5, 0.15, 0.35, 0.15), (0.5, 0.05)),
+        }
+        data["chart_tolerance_m"] = 0.0005
+
+    cell = load_cell(write_cell(change))
+    for method in ("delay", "offset", "interval"):
+        for order in ((0, 1), (1, 0)):
+            with pytest.raises(InfeasibleError):
+                schedule(cell, method, order=order)
+    plan = schedule(cell, "optimal")
+    assert plan.gap_percent < 4.0
+    assert plan.certificate.certified_free
+    assert plan.certificate.torque_ratio_max < 1 + 1e-3
+    assert plan.certificate.min_clearance >= cell.planned_clearance - 1e-9
+
+
+def test_three_arms_by_every_method(write_cell: Callable[..., Path]) -> None:
+    """A third arm, from above, crosses where the two of the paper start."""
+
+    def change(data: dict[str, Any]) -> None:
+        third = copy.deepcopy(data["arms"][0]) | {"name": "third", "elbow": "positive"}
+        third["base"] = {"position_m": [0.425, 0.85, 0], "rpy_rad": [0, 0, 0]}
+        third["path"] = {"start_m": [0.25, 0.368, 0], "segments": lines((0.6, 0.368))}
+        data["arms"].append(third)
+        data["chart_tolerance_m"] = 0.001
+
+    cell = load_cell(write_cell(change))
+    assert cell.pair_class(0, 2) != "free"
+    spans = {}
+    for method in METHODS:
+        if method == "vci":
+            continue
+        plan = schedule(cell, method)
+        assert len(plan.trajectories) == 3
+        assert sorted(plan.order) == [0, 1, 2]
+        assert plan.certificate.certified_free, method
+        assert plan.certificate.torque_ratio_max < 1 + 1e-3, method
+        assert plan.certificate.min_clearance >= cell.planned_clearance - 1e-9, method
+        assert plan.makespan >= cell.lower_bound
+        spans[method] = plan.makespan
+    assert spans["optimal"] <= min(spans.values())
+    assert spans["sequential"] == pytest.approx(cell.sequential_makespan)
+    assert spans["offset"] <= spans["delay"] < spans["sequential"]
