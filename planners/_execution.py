@@ -140,8 +140,5 @@ class ScheduleExecution:
             for i, motion in enumerate(motions)
         ]
         own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
-        self._clock = [
-            min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))])
-            for i in range(len(motions))
-        ]
+        self._clock = [min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))]) for i in range(len(motions))]
         return self._clock

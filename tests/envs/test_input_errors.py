@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.envs import PHYSICS, CoordinationEnv, Physics, YieldingEnv
+from armtempo.envs import CoordinationEnv, YieldingEnv
 from armtempo.errors import ActionError, ArmtempoError, InputError, RenderError, UnknownNameError
 from armtempo.planners import Cell
 
