@@ -159,7 +159,7 @@ class Precedence:
         """The farthest place of arm i while arm j is at ``lam_j`` (any shape)."""
         return limit_at(self.limit(i, j), self.lengths[j], np.asarray(lam_j, dtype=np.float64))
 
-    def waits_for(self, i: int, places: Sequence[float]) -> tuple[int, ...]:
+    def waits_for(self, i: int, places: Sequence[float] | Array) -> tuple[int, ...]:
         """The arms that still have to leave something before arm i may go to its end."""
         return tuple(
             j

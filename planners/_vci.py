@@ -29,8 +29,8 @@ one interval only is adjusted           the state that an adjustment leaves is i
                                         is met by longer braking, from the start if need be
 latest, hardest braking                 the method; ``delay`` and ``interval`` plan slow motion early
 the past is rewritten                   every changed step is checked again (``_replay``)
-sampling                                C is asked every 0.1 ms with the slave's place at the end and the master's at the
-                                        beginning; the chart is certified cell by cell
+sampling                                C is asked every 0.1 ms with the slave's place at the end and the master's at
+                                        the beginning; the chart is certified cell by cell
 fixed priority                          the caller tries orders
 a late master                           ``guarded``: on line the slave can always brake, or leave, whatever masters do
 horizon                                 an interval grows from its end; nothing before it is run again
@@ -193,7 +193,8 @@ class _Regions:
         self._cells, self._per_lam = chart.resolution, 1.0 / chart.step_a
         if len(columns):
             box = occupied[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1]
-            labels, self.count = ndimage.label(box, structure=np.ones((3, 3)), output=np.int32)
+            found, self.count = ndimage.label(box, structure=np.ones((3, 3)))
+            labels = np.asarray(found, dtype=np.int32)
         low = np.full((self.count, self._cells), np.iinfo(np.int64).max)
         top = np.zeros((self.count, self._cells))
         if self.count:
@@ -213,7 +214,8 @@ class _Regions:
         """C at columns, of the regions that the master passes first."""
         if not below.any():
             return np.full(len(column), np.inf)
-        return self.closure[below].min(axis=0)[column]
+        limit: Array = self.closure[below].min(axis=0)[column]
+        return limit
 
     def passed_first(self, regions: NDArray[np.bool_], slave: Array, column: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(m,) which of ``regions`` the slave, at ``slave`` (K,), leaves before the master's ``column`` (K,) comes."""
@@ -381,7 +383,8 @@ class VelocityControl:
 
         Args:
             command: What the slave is to do for one period.
-            lam, mu: Its state.
+            lam: Where it is.
+            mu: Its path speed.
             masters: (lam, mu) of every master.
         """
         column, live, limits = [], [], []

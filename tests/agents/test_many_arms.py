@@ -140,11 +140,11 @@ def test_yielding_with_an_execution_of_ones_own(trio: Cell) -> None:
     """Others that follow a plan in which the learner has its part."""
     env = YieldingEnv(trio, physics="ideal", others=ScheduleExecution(planned(trio)), learner="slave", record=True)
     env.reset(seed=0)
+    own = ScheduleExecution(planned(trio))
     done = False
+    info: dict[str, object] = {}
     while not done:
-        lam, mu = env.simulation.lam, env.simulation.mu
-        own = ScheduleExecution(planned(trio)) if env.simulation.time == 0.0 else own
-        action = to_action(float(own.commands(lam, mu)[1]))
+        action = to_action(float(own.commands(env.simulation.lam, env.simulation.mu)[1]))
         _, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert info["is_success"]

@@ -91,9 +91,8 @@ def test_the_two_most_constraining_arms_are_seen(four_arms: Cell) -> None:
                 here = int(lam[i] / lengths[i] * chart.resolution)
                 waits = (chart.last_column >= 0) & ((chart.last_column + 1) * chart.step_a > lam[j])
                 ahead = np.flatnonzero(waits[here:])
-                seen.append(
-                    (max((here + ahead[0]) * chart.step_b - lam[i], 0.0) / lengths[i] if len(ahead) else 1.0, j)
-                )
+                way = max((here + ahead[0]) * chart.step_b - lam[i], 0.0) / lengths[i] if len(ahead) else 1.0
+                seen.append((way, j))
             for slot, (distance, j) in enumerate(sorted(seen, key=lambda entry: entry[0])[:2]):
                 entries = {name: rows[i][NAMES.index(f"other_{slot}.{name}")] for name in ("present", "distance")}
                 assert entries["present"] == 1.0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, CoordinationChart, Mode, VciPlan, VelocityControl
+from armtempo.planners import Cell, CoordinationChart, Mode, PhaseTrajectory, VciPlan, VelocityControl
 
 Floats = NDArray[np.float64]
 
@@ -234,11 +235,11 @@ MASTER_FIRST = (0.2, 0.45, 0.4, 0.5)  # both at full speed: the slave would be t
 SLAVE_FIRST = (0.75, 0.95, 0.4, 0.65)  # the slave has left when the master comes
 
 
-def free_all_the_way(chart: CoordinationChart, master: object, slave: object, until: float) -> bool:
+def free_all_the_way(chart: CoordinationChart, master: PhaseTrajectory, slave: PhaseTrajectory, until: float) -> bool:
     instants = np.arange(0.0, until, 0.0002)
-    a, b = (motion.at(np.minimum(instants, motion.duration))[0] for motion in (master, slave))  # type: ignore[attr-defined]
-    boxes = zip(zip(a[:-1], a[1:], strict=True), zip(b[:-1], b[1:], strict=True), strict=True)
-    return all(chart.is_free(float(x[0]) if x[0] == x[1] else x, float(y[0]) if y[0] == y[1] else y) for x, y in boxes)
+    a, b = (motion.at(np.minimum(instants, motion.duration))[0].tolist() for motion in (master, slave))
+    boxes = zip(pairwise(a), pairwise(b), strict=True)
+    return all(chart.is_free(x if x[0] < x[1] else x[0], y if y[0] < y[1] else y[0]) for x, y in boxes)
 
 
 def test_a_slave_that_passes_first_does_not_brake(lee1991: Cell) -> None:
