@@ -199,8 +199,9 @@ class IntervalSearch:
 
     def _lattice(self, pick: Ints, stage: Stage, found: _Found | None) -> Lattice:
         edges, station = self.plane.edges, self.plane.rows.station
-        low, high = edges.low[pick], edges.high[pick]
         fastest = np.interp(station[pick], self.fastest.lam, self.fastest.mu**2)
+        low = edges.low[pick]
+        high = np.maximum(np.minimum(edges.high[pick], fastest), low)  # nothing from rest gets above the fastest motion
         if found is None:
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
         else:
