@@ -104,6 +104,7 @@ def panda_pair() -> Callable[[int], Pair]:
     return make
 
 
+@pytest.fixture(scope="session")
 def three_arms() -> Cell:
     """Three planar arms; every two of them meet."""
     lines = [((0.35, -0.15), (0.54, 0.07)), ((0.49, -0.23), (0.52, 0.13)), ((0.45, -0.24), (0.31, 0.2))]
