@@ -106,10 +106,10 @@ def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]
 def _guides(problem: TimingProblem) -> Iterator[tuple[int, Occupancy]]:
     """For two arms: one that is taken to move along the relaxed path, slowed down more and more; and which."""
     chart = problem.chart_between(0, 1)
-    path = guide_path(*problem.fastest, chart)
+    path = guide_path(problem.fastest[0], problem.fastest[1], chart)
     if path is None:
         return
-    clock: Array = np.arange(len(path)) * float(np.diff(path, axis=0).max())
+    clock: Array = np.arange(len(path), dtype=np.float64) * float(np.diff(path, axis=0).max(initial=0.0))
     for stretch in STRETCHES:
         for arm, swapped in ((0, chart), (1, chart.swapped)):
             yield arm, _virtual(problem.fastest[arm], path[:, arm], np.asarray(stretch * clock), swapped)

@@ -291,7 +291,7 @@ def arrival(windows: Windows, label: Array, count: int) -> float:
         free = max(free, windows.stop[w])
     for k in range(count):
         if label[k, 1] >= free:
-            return max(label[k, 0], free)
+            return float(max(label[k, 0], free))
     return np.inf
 
 

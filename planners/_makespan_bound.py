@@ -194,14 +194,15 @@ def _warp(
         high = np.ceil(lam[1:] / step + 1e-9)
         touched += [np.clip(low, 0, resolution - 1), np.clip(high, 1, resolution)]
     shut = np.empty((len(touched[0]), len(touched[2])), dtype=np.bool_)
-    _shut_cells(before, *touched, every, shut)
+    _shut_cells(before, touched[0], touched[1], touched[2], touched[3], every, shut)
     return shut, h
 
 
 def _path(cells: NDArray[np.int32], count: int, h: float) -> Array:
     path = np.empty((count, 2), dtype=np.int64)
     _walk_back(cells, path)
-    return h * path
+    theta: Array = h * path.astype(np.float64)
+    return theta
 
 
 def pair_bound(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: CoordinationChart) -> PairBound:

@@ -145,8 +145,8 @@ def forbidden_windows(
 
 def pair_is_free(chart: CoordinationChart, motion_a: PhaseTrajectory, motion_b: PhaseTrajectory) -> bool:
     """Whether two motions stay in free cells of their chart at all times, and either a little early or late."""
-    border_a = chart.step_a * np.arange(1, chart.resolution)
-    border_b = chart.step_b * np.arange(1, chart.resolution)
+    border_a: Array = chart.step_a * np.arange(1, chart.resolution, dtype=np.float64)
+    border_b: Array = chart.step_b * np.arange(1, chart.resolution, dtype=np.float64)
     crossed_a = np.concatenate([motion_a.time_at(border_a), _last_time_at(motion_a, border_a), motion_a.time])
     crossed_b = np.concatenate([motion_b.time_at(border_b), _last_time_at(motion_b, border_b), motion_b.time])
     end = max(motion_a.duration, motion_b.duration)
