@@ -199,11 +199,12 @@ class Simulation:
     def _nearest(self, cutoff: float) -> float:
         """Smallest distance of two arms; above ``cutoff`` it may be a lower bound.
 
-        FCL is not asked while the last answer minus what the arms have moved since stays above ``cutoff``.
+        Nothing is asked while the last answer minus what the arms have moved since stays above ``cutoff``, unless it
+        is recorded: a trace is to show the distance, not such a bound.
         """
         if self.arms < 2:
             return math.inf
-        if cutoff < math.inf:
+        if cutoff < math.inf and not self.record:
             bound = float(self._distance_asked - moved_closer(self._q_asked, self._q, self._lever))
             if bound >= cutoff:
                 return bound

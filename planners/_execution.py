@@ -101,7 +101,8 @@ class ScheduleExecution:
 
     def __init__(self, plan: Schedule, mode: Mode = "speed") -> None:
         cell = plan.cell
-        self.plan, self.mode = plan, mode
+        self.plan = plan
+        self.mode: Mode = mode
         self.precedence = precedence(plan)
         self._period, self._ticks, self._tick = cell.control_period, cell.ticks_per_period, cell.physics_tick
         self._guard = BrakingGuard(cell.planes, self.precedence, self._period, mode, checks_per_period(cell))

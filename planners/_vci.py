@@ -189,12 +189,11 @@ class _Regions:
     def __init__(self, chart: CoordinationChart) -> None:
         occupied = chart.states != FREE
         columns, rows = (np.flatnonzero(occupied.any(axis=axis)) for axis in (1, 0))
-        self.count = 0
         self._cells, self._per_lam = chart.resolution, 1.0 / chart.step_a
-        if len(columns):
-            box = occupied[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1]
-            found, self.count = ndimage.label(box, structure=np.ones((3, 3)))
-            labels = np.asarray(found, dtype=np.int32)
+        # Labels are sought in the box that holds all regions; a free chart is one free cell of it.
+        box = occupied[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1] if len(columns) else occupied[:1, :1]
+        found, self.count = ndimage.label(box, structure=np.ones((3, 3)))
+        labels = np.asarray(found, dtype=np.int32)
         low = np.full((self.count, self._cells), np.iinfo(np.int64).max)
         top = np.zeros((self.count, self._cells))
         if self.count:

@@ -52,7 +52,8 @@ class VciExecution:
     """
 
     def __init__(self, cell: Cell, mode: Mode = "speed", order: tuple[int, ...] | None = None) -> None:
-        self.cell, self.mode = cell, mode
+        self.cell = cell
+        self.mode: Mode = mode
         self.order = tuple(range(len(cell.arms))) if order is None else tuple(order)
         self._slaves = [_Slave(cell, self.order, place, mode) for place in range(1, len(self.order))]
         self.reset()
