@@ -204,12 +204,12 @@ def _trapezoid(plane: PhasePlane, ramp: float) -> PhaseTrajectory:
 
 
 def _vci(cell: Cell, order: tuple[int, ...], period: float) -> Schedule:
-    if len(order) > 2:
+    if len(order) != 2:
         raise InfeasibleError(
             f"cell {cell.name!r} has {len(order)} arms: velocity control keeps one arm behind one other",
             remedy="use 'interval' or 'optimal', or leave two arms in the cell",
         )
-    first, second = order
+    first, second = order[0], order[1]
     control = VelocityControl(
         slave=cell.planes[second],
         master=cell.planes[first],
