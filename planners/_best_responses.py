@@ -10,6 +10,7 @@ momentum, but one arm may be *taken* to move along it, a little slowed down, and
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,13 +184,12 @@ def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] |
 
 def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[tuple[Motions, tuple[int, ...]]]:
     """Plans of start delays and offsets."""
-    for plan in (delayed, offset):
-        for order in orders:
-            try:
-                motions = plan(problem, problem.fastest, order) if plan is delayed else offset(problem, order)
-            except InfeasibleError:
-                continue
-            yield motions, order
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield delayed(problem, problem.fastest, order), order
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield offset(problem, order), order
 
 
 def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
