@@ -22,7 +22,7 @@ from armtempo.planners._makespan_bound import guide_path
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset, start_offset
 from armtempo.planners._stop_and_go import stop_and_go
-from armtempo.planners._time_windows import Occupancy
+from armtempo.planners._time_windows import Occupancy, pair_is_free
 from armtempo.planners._timing_problem import Motions, TimingProblem, makespan
 
 Array = NDArray[np.float64]
@@ -63,9 +63,10 @@ def _respond(
     if shifted is not None and shifted.duration <= (1.0 + WORTH) * alone.duration:
         return shifted
     try:
-        return _earlier(
-            problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted))), shifted
-        )
+        shaped = problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted)))
+        if not all(pair_is_free(problem.chart_between(j, arm), other, shaped) for j, other in others.items()):
+            raise InfeasibleError("the motion found grazes what is not certified free", reason="not certified")
+        return _earlier(shaped, shifted)
     except InfeasibleError as error:
         if shifted is not None:
             return shifted
