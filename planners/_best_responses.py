@@ -10,6 +10,7 @@ momentum, but one arm may be *taken* to move along it, a little slowed down, and
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from armtempo.planners._makespan_bound import guide_path
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset, start_offset
 from armtempo.planners._stop_and_go import stop_and_go
-from armtempo.planners._time_windows import Occupancy
+from armtempo.planners._time_windows import Occupancy, pair_is_free
 from armtempo.planners._timing_problem import Motions, TimingProblem, makespan
 
 Array = NDArray[np.float64]
@@ -62,9 +63,10 @@ def _respond(
     if shifted is not None and shifted.duration <= (1.0 + WORTH) * alone.duration:
         return shifted
     try:
-        return _earlier(
-            problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted))), shifted
-        )
+        shaped = problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted)))
+        if not all(pair_is_free(problem.chart_between(j, arm), other, shaped) for j, other in others.items()):
+            raise InfeasibleError("the motion found grazes what is not certified free", reason="not certified")
+        return _earlier(shaped, shifted)
     except InfeasibleError as error:
         if shifted is not None:
             return shifted
@@ -183,13 +185,12 @@ def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] |
 
 def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[tuple[Motions, tuple[int, ...]]]:
     """Plans of start delays and offsets."""
-    for plan in (delayed, offset):
-        for order in orders:
-            try:
-                motions = plan(problem, problem.fastest, order) if plan is delayed else offset(problem, order)
-            except InfeasibleError:
-                continue
-            yield motions, order
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield delayed(problem, problem.fastest, order), order
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield offset(problem, order), order
 
 
 def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:

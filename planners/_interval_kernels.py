@@ -245,7 +245,7 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Array, label: 
                 label[i, 0, m, 0], label[i, 0, m, 1] = grown[m, 0], grown[m, 1]
         if i == last:
             break
-        way = rows.station[lattice.pick[i + 1]] - rows.station[lattice.pick[i]]
+        way = float(rows.station[lattice.pick[i + 1]] - rows.station[lattice.pick[i]])
         known = _blocks(windows, i, windows.loose, blocks)
         for k in range(lattice.width[i]):
             if count[i, k] == 0:
@@ -318,7 +318,7 @@ def trace(
     x[last], leave[last] = lattice.level[last, end], time
     u_after = 0.0
     for i in range(last - 1, -1, -1):
-        way = rows.station[lattice.pick[i + 1]] - rows.station[lattice.pick[i]]
+        way = float(rows.station[lattice.pick[i + 1]] - rows.station[lattice.pick[i]])
         x_to = x[i + 1]
         rests = x_to <= 0.0 and lattice.hold[i + 1]
         since = 0.0  # at rest: since when the station has been safe

@@ -56,17 +56,20 @@ def _levels(low: Array, high: Array, middle: Array, half: Array, extra: Array, o
     """Equal levels in ``middle`` +- ``half``, cut off at ``low`` and ``high``; ``low`` and ``extra`` too; rising."""
     count = out.shape[1] - 2
     for i in range(low.shape[0]):
-        own = np.empty(count + 2)
-        for k in range(count):
-            own[k] = min(max(middle[i] + half[i] * (2.0 * k / (count - 1) - 1.0), low[i]), high[i])
-        own[count], own[count + 1] = low[i], min(max(extra[i], low[i]), high[i])
-        own.sort()
-        width[i] = 0
-        for k in range(count + 2):
-            if width[i] == 0 or own[k] > out[i, width[i] - 1]:
-                out[i, width[i]] = own[k]
-                width[i] += 1
-            # the rest stays as it is: never read
+        more = min(max(extra[i], low[i]), high[i])
+        n = 1
+        out[i, 0] = low[i]
+        for k in range(count + 1):
+            level = high[i]
+            if k < count:
+                level = min(max(middle[i] + half[i] * (2.0 * k / (count - 1) - 1.0), low[i]), high[i])
+            if out[i, n - 1] < more and (more <= level or k == count):
+                out[i, n] = more
+                n += 1
+            if k < count and level > out[i, n - 1]:
+                out[i, n] = level
+                n += 1
+        width[i] = n  # the rest is never read
 
 
 class _Found(NamedTuple):
@@ -134,7 +137,7 @@ class IntervalSearch:
             self._border, [(self.runs_with(j), other) for j, other in others.items()]
         )
         self._check_ends(first, start, stop)
-        reserve = 0.0
+        reserve = excess = 0.0
         for _ in range(4):
             motion = self._search(first, start, stop, horizon, stages, self._reserved(reserve))
             excess = motion.certificate.torque_excess

@@ -137,8 +137,7 @@ def stop_and_go(
                 lam.append(move.lam[1:])
                 mu.append(move.mu[1:])
                 time.append(clock + move.time[1:])
-                arrived = clock + move.duration
-        clock = arrived
+        clock = max(float(time[-1][-1]) for _, _, time in columns)
     first, second = (
         PhaseTrajectory(
             lam=np.concatenate(lam), mu=np.concatenate(mu), time=np.concatenate(time), dynamics=plane.dynamics

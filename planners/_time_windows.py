@@ -99,20 +99,21 @@ def blocked_runs(chart: CoordinationChart) -> Runs:
 
 @njit
 def _merge(first: Ints, start: Array, stop: Array, out_first: Ints) -> int:
-    """Sort the windows of every slot and join those that overlap, in place; returns how many are left."""
+    """Join the windows of every slot that overlap, in place, sorted as they are; returns how many are left.
+
+    (No sorting in here: numba links ``sort`` and ``argsort`` of two cached functions to one another.)
+    """
     total = 0
     for s in range(first.shape[0] - 1):
-        a, b = first[s], first[s + 1]
-        order = np.argsort(start[a:b])
-        begin, end = start[a:b][order], stop[a:b][order]
         out_first[s] = total
-        for k in range(b - a):
-            if end[k] <= begin[k]:
+        for k in range(first[s], first[s + 1]):
+            begin, end = start[k], stop[k]
+            if end <= begin:
                 continue
-            if total > out_first[s] and begin[k] <= stop[total - 1]:
-                stop[total - 1] = max(stop[total - 1], end[k])
+            if total > out_first[s] and begin <= stop[total - 1]:
+                stop[total - 1] = max(stop[total - 1], end)
             else:
-                start[total], stop[total] = begin[k], end[k]
+                start[total], stop[total] = begin, end
                 total += 1
     out_first[first.shape[0] - 1] = total
     return total
@@ -135,8 +136,9 @@ def forbidden_windows(
         starts.append(start[which])
         stops.append(stop[which])
     slot = np.concatenate([np.empty(0, dtype=np.int64), *slots])
-    order = np.argsort(slot, kind="stable")
-    start, stop = np.concatenate([np.empty(0), *starts])[order], np.concatenate([np.empty(0), *stops])[order]
+    start, stop = np.concatenate([np.empty(0), *starts]), np.concatenate([np.empty(0), *stops])
+    order = np.lexsort((start, slot))
+    start, stop = start[order], stop[order]
     first = np.concatenate([[0], np.cumsum(np.bincount(slot, minlength=len(border) - 1))]).astype(np.int64)
     merged = np.empty_like(first)
     total = _merge(first, start, stop, merged)
