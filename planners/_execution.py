@@ -141,5 +141,23 @@ class ScheduleExecution:
             for i, motion in enumerate(motions)
         ]
         own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
-        self._clock = [min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))]) for i in range(len(motions))]
+        waits = [self.precedence.waits_for(i, lam) for i in range(len(motions))]
+        # In a ring of arms that wait for each other small lags are not passed on: they would go round and grow.
+        seen = [
+            [own[j] if i in _reachable(j, waits) else min(own[j], planned[j]) for j in waits[i]]
+            for i in range(len(motions))
+        ]
+        self._clock = [min([own[i], *seen[i]]) for i in range(len(motions))]
         return self._clock
+
+
+def _reachable(start: int, waits: list[tuple[int, ...]]) -> set[int]:
+    """The arms that ``start`` waits for, directly or through others."""
+    found: set[int] = set()
+    ahead = list(waits[start])
+    while ahead:
+        j = ahead.pop()
+        if j not in found:
+            found.add(j)
+            ahead += waits[j]
+    return found
