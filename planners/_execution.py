@@ -89,11 +89,13 @@ def _command_to(
 class ScheduleExecution:
     """Executes any schedule by precedence: mixed passing orders, any number of arms.
 
-    Every arm has a clock of its own on which it follows its planned motion. It runs on through small lags, so that they
-    are caught up, and waits for its arm when that is held up. It does not run ahead of the clock of an arm that has
-    still to pass somewhere first: an arm is released by where the others *are*. Every command is cut back until its arm
-    could still brake behind its limits (see ``Precedence``) while the others brake as hard as they can. Arms that are
-    late, slow, or stop and go cost time; they cause neither a collision nor a deadlock.
+    Every arm has a clock of its own on which it follows its planned motion. It does not run ahead of an arm that has
+    still to pass somewhere first: an arm is released by where the others *are*. The clock of an arm that waits for
+    nobody runs on through small lags, so that they are caught up, and waits for its arm when that is held up.
+
+    Every command is cut back until its arm could still brake behind its limits (see ``Precedence``) while the others
+    brake as hard as they can. Arms that are late, slow, or stop and go cost time; they cause neither a collision nor a
+    deadlock.
 
     Raises:
         InfeasibleError: The schedule leads arms through cells of their charts that are not free.
@@ -106,6 +108,8 @@ class ScheduleExecution:
         self.precedence = precedence(plan)
         self._period, self._ticks, self._tick = cell.control_period, cell.ticks_per_period, cell.physics_tick
         self._guard = BrakingGuard(cell.planes, self.precedence, self._period, mode, checks_per_period(cell))
+        limits = self.precedence.limits
+        self._led = [any(i == k and np.isfinite(limits[k, j]).any() for k, j in limits) for i in range(len(cell.arms))]
         self._near = [NEAR * plane.length for plane in cell.planes]
         self.reset()
 
@@ -141,5 +145,24 @@ class ScheduleExecution:
             for i, motion in enumerate(motions)
         ]
         own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
-        self._clock = [min([own[i], *(own[j] for j in self.precedence.waits_for(i, lam))]) for i in range(len(motions))]
+        waits = [self.precedence.waits_for(i, lam) for i in range(len(motions))]
+        # In a ring of arms that wait for each other small lags are not passed on: they would go round and grow.
+        seen = [
+            [own[j] if i in _reachable(j, waits) else min(own[j], planned[j]) for j in waits[i]]
+            for i in range(len(motions))
+        ]
+        # Who goes second somewhere was held up by others, and catches up; who never does stays on its own clock.
+        self._clock = [min([ahead[i] if self._led[i] else own[i], *seen[i]]) for i in range(len(motions))]
         return self._clock
+
+
+def _reachable(start: int, waits: list[tuple[int, ...]]) -> set[int]:
+    """The arms that ``start`` waits for, directly or through others."""
+    found: set[int] = set()
+    ahead = list(waits[start])
+    while ahead:
+        j = ahead.pop()
+        if j not in found:
+            found.add(j)
+            ahead += waits[j]
+    return found

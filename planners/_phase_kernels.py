@@ -509,7 +509,8 @@ def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float
             low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
             if band_high > band_low:  # stay on the side where the arm is
                 low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
-            lowest = max(lowest, (low - x) / d2)
+            if low > 0.0:  # else the arm may come to rest before the end of the piece
+                lowest = max(lowest, (low - x) / d2)
             highest = min(highest, (high - x) / d2)
             continue
         a, used = a + d2 * b, b * x + r * mu

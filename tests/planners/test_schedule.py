@@ -194,6 +194,15 @@ def test_a_master_that_parks_in_the_way(lee1991: Cell, method: str) -> None:
     assert schedule(cell, "optimal").order == schedule(cell, "sequential").order == (1, 0)
 
 
+@pytest.mark.parametrize("region", [(20, 60, 0, 10), (100, 128, 60, 90)])
+def test_velocity_control_passes_first_where_the_slave_has_to(lee1991: Cell, region: tuple[int, int, int, int]) -> None:
+    states = np.zeros((128, 128))
+    states[region[0] : region[1], region[2] : region[3]] = 2
+    plan = schedule(with_chart(lee1991, states), "vci")
+    assert plan.certificate.certified_free
+    assert plan.makespan == pytest.approx(max(motion.duration for motion in lee1991.fastest), rel=1e-3)
+
+
 def test_where_neither_can_go_first_everywhere(lee1991: Cell) -> None:
     states = np.zeros((128, 128))
     states[100:, 60:90] = 2
