@@ -44,8 +44,8 @@ def evaluate(
 
     Args:
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
-        policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, optimal,
-            random.
+        policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
+            offset, interval, optimal, random.
         episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.

@@ -30,7 +30,8 @@ def plan(
 
     Args:
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
-        methods: Planning methods: sequential, constant-speed, constant-acceleration, delay, vci, optimal.
+        methods: Planning methods: sequential, constant-speed, constant-acceleration, delay, vci,
+            offset, interval, optimal.
         control_period: Step of vci in seconds: the time for which one of its commands holds.
         export: Write the motion of every arm by every method to this folder, as METHOD-ARM.csv: time_s, q_rad,
             qd_rad_s, qdd_rad_s2 and torque_nm of every joint.

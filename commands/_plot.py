@@ -26,7 +26,8 @@ def plot(
 
     Args:
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
-        method: The method shown in detail: sequential, constant-speed, constant-acceleration, delay, vci, optimal.
+        method: The method shown in detail: sequential, constant-speed, constant-acceleration, delay, vci,
+            offset, interval, optimal.
         out: Folder for the PNG files.
     """
     from armtempo.errors import InfeasibleError, UnknownNameError

@@ -38,8 +38,8 @@ def record(
 
     Args:
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
-        policy: Who decides: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, optimal,
-            random.
+        policy: Who decides: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
+            offset, interval, optimal, random.
         out: A file ending in .mp4 or .gif, or a folder for single PNG pictures.
         slow: How many times slower than reality; arms that need a third of a second are shown for seven at 20.
         seed: Seed of the episode.

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 CLOSE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
 WORTH = 1e-4  # smallest gain of a round of best responses, as a share of the makespan
 ROUNDS = 6  # of best responses
+BETTER = 1.0 - 1e-9  # share of the makespan: ties keep the cell's order, whatever the rounding
 STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)
 MOST_NODES = 2000  # orders begun, when arms only shift their motions
 MOST_SHAPED = 40  # orders begun, when motions are shaped
@@ -219,7 +220,7 @@ def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
 
     def take(motions: Motions | None, order: tuple[int, ...] | None = None) -> None:
         nonlocal best, best_order
-        if motions is None or (best is not None and makespan(motions) >= makespan(best)):
+        if motions is None or (best is not None and makespan(motions) >= BETTER * makespan(best)):
             return
         if not problem.is_free(motions):
             return
