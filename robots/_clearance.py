@@ -4,9 +4,9 @@ FCL judges, where it can be trusted (research/coordination.md 1.2-1.4): unsigned
 hulls, one pair at a time, fresh results. Never BVH models, managers, signed distance or continuous collision.
 
 Of capsules and spheres FCL has closed forms, right to the last digits: they stand as they are. All other pairs go
-through its GJK, which now and then ends early and then reads too long, by up to 18 mm in 2000 random pairs. So its
-answer less the tolerance counts only as far as the lower bound of ``separation`` reaches: a plane between the shapes
-that proves it.
+through its GJK, which now and then ends early and then reads too long, by 18 mm for one in 3000 random pairs of a
+capsule and a cylinder. So its answer, less the tolerance, counts only as far as the lower bound of ``separation``
+reaches, which a plane between the shapes proves.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ def _proven(bodies: Bodies, frames: Floats, frame: NDArray[np.int64], a: int, b:
 
 
 class _Scene(NamedTuple):
-    """Shapes and where they are: for FCL world poses, for ``separation`` the frames of their links."""
+    """Shapes and where they are: placed in the world for FCL, by the frames of their links for ``separation``."""
 
-    fcl: list[fcl.CollisionObject]
+    placed: list[fcl.CollisionObject]
     bodies: Bodies
     tolerance: list[float]
     frames: Floats
@@ -88,8 +88,8 @@ class _Scene(NamedTuple):
 
     def distance(self, a: int, b: int, bound: float) -> float:
         """What may be told of the distance of two shapes [m], given a lower ``bound`` of it."""
-        # A result that already holds -inf is left alone, which saves python-fcl's bookkeeping; the distance is returned.
-        told = float(fcl.distance(self.fcl[a], self.fcl[b], _REQUEST, fcl.DistanceResult(-math.inf)))
+        # A result that already holds -inf is left alone, which saves python-fcl's bookkeeping; the distance comes back.
+        told = float(fcl.distance(self.placed[a], self.placed[b], _REQUEST, fcl.DistanceResult(-math.inf)))
         tolerance = max(self.tolerance[a], self.tolerance[b])
         if tolerance <= ANALYTIC_TOLERANCE:
             return told
@@ -387,4 +387,4 @@ class Clearance:
     def _move(self, shape: int) -> None:
         F, S = self._frames[self._frame[shape]], self._poses[shape]
         R = F[:, :3]
-        self._scene.fcl[shape].setTransform(fcl.Transform(R @ S[:, :3], R @ S[:, 3] + F[:, 3]))
+        self._scene.placed[shape].setTransform(fcl.Transform(R @ S[:, :3], R @ S[:, 3] + F[:, 3]))
