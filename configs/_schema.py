@@ -336,7 +336,11 @@ class CellConfig(_Model):
     description: str = ""
     """What the cell shows, for `armtempo cells`."""
     d_min_m: NonNegative
-    """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m]."""
+    """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m].
+
+    Boxes, cylinders and hulls that overlap are 0 apart however deep they are in each other: at ``d_min_m`` 0 they break
+    no rule, and charts cannot call a cell of theirs blocked, only undecided. Give such arms more than 0.
+    """
     clearance_reserve_m: NonNegative = 0.0005
     """Planned on top of ``d_min_m``, for what the execution will deviate [m]."""
     torque_reserve: Annotated[Real, Field(ge=0, le=0.9)] = 0.0

@@ -85,7 +85,10 @@ class CoordinationChart:
             path_a: Its path.
             arm_b: Second arm.
             path_b: Its path.
-            d_min: Smallest allowed distance between links [m].
+            d_min: Smallest allowed distance between links [m]. Boxes, cylinders and hulls that overlap are 0 apart
+                however deep they are in each other, so they block a cell only if ``d_min`` exceeds the tolerance of
+                such distances (5e-4 m) plus what they move within half the cell: at 5e-3 few do, at 0 none. Others
+                stay undecided, which planning takes for blocked; bounds are weaker for it.
             tolerance: Largest side of a cell that may stay undecided, in the unit of lambda; there are at most
                 4096 cells along each path.
             shapes: ``capsules`` looks at the enclosing capsules only, which is quicker: what they do not free stays

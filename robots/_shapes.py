@@ -23,7 +23,8 @@ __all__ = ["ANALYTIC_TOLERANCE", "GJK_TOLERANCE", "SHAPE_KINDS", "Shape", "make_
 ANALYTIC_TOLERANCE: Final = 1e-9
 """Error of FCL's closed-form capsule distances [m]."""
 GJK_TOLERANCE: Final = 5e-4
-"""FCL's GJK over-estimates by up to 2e-4 m on rare pairs (measured on robot hulls): subtracted from its results [m]."""
+"""FCL's GJK reads up to 2e-4 m too long on rare pairs of robot hulls: subtracted from its results, which is not enough
+for all other kinds, so ``Clearance`` has them proven too [m]."""
 
 SIZES: Final = {
     "capsule": ("radius", "length"),
@@ -58,7 +59,7 @@ class Shape:
     exact: bool
     """True where that capsule is the shape."""
     tolerance: float
-    """What FCL's distances to this shape may be too long by [m]."""
+    """What is subtracted from FCL's distances to this shape [m]."""
 
 
 def _frozen(values: ArrayLike) -> Floats:

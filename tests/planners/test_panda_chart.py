@@ -240,7 +240,7 @@ def test_a_head_on_sweep_is_blocked_whatever_fcls_continuous_collision_says(tmp_
     )
     ends = [fcl.Transform(np.array([x, 0.0, 0.0])) for x in (1.0, 0.5)]
     told = fcl.continuousCollide(balls[0], ends[0], balls[1], ends[1], request, fcl.ContinuousCollisionResult())
-    assert 0.0 <= told <= 1.0  # 0, 0.72 and 1 (free) have been seen, from process to process: nothing may rest on it
+    assert 0.0 <= told <= 1.0  # an instant of the sweep, whichever: the chart above is right without it
 
 
 def test_coals_managers_do_not_give_the_smallest_distance_of_capsules() -> None:
