@@ -17,6 +17,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from numpy.typing import NDArray
+
 from armtempo.configs import CellConfig, parse_cell_config
 from armtempo.errors import ArmtempoError, CollisionError, InfeasibleError, InputError, PathError, UnknownNameError
 from armtempo.planners._best_responses import optimal
@@ -25,10 +27,11 @@ from armtempo.planners._cell import Cell
 from armtempo.planners._makespan_bound import PriorityClass
 from armtempo.planners._time_windows import pair_is_free
 
+Array = NDArray[np.float64]
 Status = Literal["feasible", "certified infeasible", "undecided"]
 
 MOST_DRAWS = 400  # before an instance is given up
-REACH = 0.60  # [m] of the planar arm
+LINKS = (0.37, 0.23)  # [m] of the planar arm
 VERTICAL_SHARE = 0.2  # of planar cells: gravity lies in the plane of motion
 FRICTION_SHARE = 0.3  # of planar cells: viscous friction
 DIGITS = 4  # of drawn numbers, so that files of them stay short
@@ -183,7 +186,7 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int = 2) -> Gener
     for _ in range(MOST_DRAWS):
         data = {"kind": "coordination", "name": name, **_FAMILIES[family](generator, arms)}
         try:
-            cell = build_cell(parse_cell_config(data, Path(f"{name}.yaml")))
+            cell = build_cell(config_of(name, data))
         except (PathError, CollisionError, InfeasibleError) as error:
             rejected[_reason(error)] += 1
             continue
@@ -231,8 +234,9 @@ def _numbers(values: Any) -> list[float]:
 
 def _planar(generator: np.random.Generator, arms: int) -> dict[str, Any]:
     """Planar arms in a ring, every base turned to the middle."""
-    ring = generator.uniform(0.30, 0.50) if arms == 2 else generator.uniform(0.50, 0.62)
-    by_waypoints = bool(generator.random() < 0.5)
+    least = max(0.58, LINKS[0] + 1.17 * LINKS[1] / (2.0 * math.sin(math.pi / arms)))  # a forearm clears the next arm's
+    ring = generator.uniform(0.30, 0.50) if arms == 2 else least + generator.uniform(0.0, 0.02)
+    by_waypoints = generator.random() < 0.5
     vertical, rubs = generator.random() < VERTICAL_SHARE, generator.random() < FRICTION_SHARE
     entries = []
     for k in range(arms):
@@ -247,8 +251,8 @@ def _planar(generator: np.random.Generator, arms: int) -> dict[str, Any]:
         }
         if rubs:
             entry["friction"] = {"viscous_nm_s_rad": _numbers(generator.uniform(0.0, [2.0, 0.5]))}
-        if by_waypoints:
-            waypoints = generator.uniform([-1.3, -2.6], [1.3, 2.6], size=(generator.integers(3, 6), 2))
+        if by_waypoints or arms > 2:
+            waypoints = _through_the_middle(generator) if arms > 2 else _anywhere(generator)
             entry["path"] = {"waypoints_rad": [_numbers(row) for row in waypoints]}
         else:
             entry["elbow"] = ("negative", "positive")[generator.integers(2)]
@@ -262,9 +266,22 @@ def _planar(generator: np.random.Generator, arms: int) -> dict[str, Any]:
     }
 
 
+def _anywhere(generator: np.random.Generator) -> Array:
+    """Three to five joint positions (K, 2) that point more or less to the middle."""
+    return generator.uniform([-1.3, -2.6], [1.3, 2.6], size=(generator.integers(3, 6), 2))
+
+
+def _through_the_middle(generator: np.random.Generator) -> Array:
+    """A forearm that swings through the middle from one side to the other (5, 2): of many arms few others get past."""
+    swing = np.linspace(1.0, -1.0, 5) * generator.choice([-1.0, 1.0]) * generator.uniform(2.5, 2.75)
+    waypoints = np.column_stack([np.zeros(5), swing])
+    waypoints += generator.uniform([-0.1, -0.15], [0.1, 0.15], size=(5, 2))
+    return waypoints
+
+
 def _planar_segment(generator: np.random.Generator, base: Any, toward: float) -> dict[str, Any]:
     """A line or an arc between two points within reach, on the side of the middle."""
-    ways = generator.uniform(0.45, 0.97, size=2) * REACH
+    ways = generator.uniform(0.45, 0.97, size=2) * sum(LINKS)
     sides = toward + generator.uniform(-1.4, 1.4, size=2)
     start, end = (base + way * np.array([math.cos(side), math.sin(side)]) for way, side in zip(ways, sides, strict=True))
     start, end = np.round(start, DIGITS), np.round(end, DIGITS)
@@ -309,6 +326,7 @@ def _facing(robot: _Robot, generator: np.random.Generator) -> dict[str, Any]:
     entries = []
     for name, x, yaw in (("left", 0.0, 0.0), ("right", apart, math.pi)):
         turns = generator.uniform(-1.0, 1.0, size=(generator.integers(3, 6), len(robot.middle)))
+        turns[[0, -1], 0] = generator.choice([-1.0, 1.0], 2) * generator.uniform(0.4, 1.0, 2)  # from and to a side
         waypoints = np.array(robot.middle) + turns * robot.spread
         entries.append(
             {
