@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from armtempo.configs import CellConfig, parse_cell_config
@@ -162,12 +161,13 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int = 2) -> Gener
     """Draw instance ``index`` of a seed: a certified cell whose arms conflict at full speed, labelled.
 
     Args:
-        family: ``planar`` (two-link arms of the bundled URDF in a ring round the middle, through waypoints or along a
-            line or an arc; some with gravity in their plane, some with friction), ``panda``, ``iiwa`` or ``ur5e``
-            (two arms that face each other, 0.7 to 1.0 m apart, through random waypoints).
+        family: ``planar`` (two-link arms of the bundled URDF that face each other, through waypoints or along a line or
+            an arc; some with gravity in their plane, some with friction), ``ring`` (such arms on a circle, that swing
+            their forearms through its middle), ``panda``, ``iiwa`` or ``ur5e`` (facing each other, 0.7 to 1.0 m apart,
+            through random waypoints).
         seed: Not negative.
         index: Which instance of the seed, from 0.
-        arms: How many; other than 2 for ``planar`` only.
+        arms: How many; other than 2 for ``ring`` only.
 
     Raises:
         UnknownNameError: No such family.
@@ -178,11 +178,11 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int = 2) -> Gener
         raise UnknownNameError("family", family, FAMILIES)
     if min(seed, index) < 0:
         raise InputError(f"seed and index must not be negative, got {seed} and {index}")
-    if not 2 <= arms <= 8 or (arms != 2 and family != "planar"):
-        raise InputError(f"{arms} arms of family {family!r}", remedy="give 2, or 2 to 8 for planar")
+    if not 2 <= arms <= 8 or (arms != 2 and family != "ring"):
+        raise InputError(f"{arms} arms of family {family!r}", remedy="give 2, or 2 to 8 for ring")
     generator = np.random.default_rng(np.random.SeedSequence([seed, index]))
     rejected: Counter[str] = Counter()
-    name = f"{family}-{seed}-{index:04d}" if arms == 2 else f"{family}{arms}-{seed}-{index:04d}"
+    name = cell_name(family, seed, index, arms=arms)
     for _ in range(MOST_DRAWS):
         data = {"kind": "coordination", "name": name, **_FAMILIES[family](generator, arms)}
         try:
@@ -202,6 +202,11 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int = 2) -> Gener
         remedy="take another index, or fewer arms",
         rejected=dict(rejected),
     )
+
+
+def cell_name(family: str, seed: int, index: int, *, arms: int = 2) -> str:
+    """The name of a generated cell."""
+    return f"{family}{arms if family == 'ring' else ''}-{seed}-{index:04d}"
 
 
 def config_of(name: str, data: Mapping[str, Any]) -> CellConfig:
@@ -232,10 +237,16 @@ def _numbers(values: Any) -> list[float]:
     return [round(float(value), DIGITS) + 0.0 for value in values]
 
 
-def _planar(generator: np.random.Generator, arms: int) -> dict[str, Any]:
-    """Planar arms in a ring, every base turned to the middle."""
-    least = max(0.58, LINKS[0] + 1.17 * LINKS[1] / (2.0 * math.sin(math.pi / arms)))  # a forearm clears the next arm's
-    ring = generator.uniform(0.30, 0.50) if arms == 2 else least + generator.uniform(0.0, 0.02)
+def _ring(generator: np.random.Generator, arms: int) -> dict[str, Any]:
+    """Planar arms on a circle so wide that a forearm gets past its neighbours' upper arms."""
+    least = max(0.58, LINKS[0] + 1.17 * LINKS[1] / (2.0 * math.sin(math.pi / arms)))
+    return _planar(generator, arms, least + generator.uniform(0.0, 0.02))
+
+
+def _planar(generator: np.random.Generator, arms: int, ring: float | None = None) -> dict[str, Any]:
+    """Planar arms about a middle to which every base is turned."""
+    crossing = ring is not None
+    ring = generator.uniform(0.30, 0.50) if ring is None else ring
     by_waypoints = generator.random() < 0.5
     vertical, rubs = generator.random() < VERTICAL_SHARE, generator.random() < FRICTION_SHARE
     entries = []
@@ -251,8 +262,8 @@ def _planar(generator: np.random.Generator, arms: int) -> dict[str, Any]:
         }
         if rubs:
             entry["friction"] = {"viscous_nm_s_rad": _numbers(generator.uniform(0.0, [2.0, 0.5]))}
-        if by_waypoints or arms > 2:
-            waypoints = _through_the_middle(generator) if arms > 2 else _anywhere(generator)
+        if by_waypoints or crossing:
+            waypoints = _through_the_middle(generator) if crossing else _anywhere(generator)
             entry["path"] = {"waypoints_rad": [_numbers(row) for row in waypoints]}
         else:
             entry["elbow"] = ("negative", "positive")[generator.integers(2)]
@@ -283,7 +294,9 @@ def _planar_segment(generator: np.random.Generator, base: Any, toward: float) ->
     """A line or an arc between two points within reach, on the side of the middle."""
     ways = generator.uniform(0.45, 0.97, size=2) * sum(LINKS)
     sides = toward + generator.uniform(-1.4, 1.4, size=2)
-    start, end = (base + way * np.array([math.cos(side), math.sin(side)]) for way, side in zip(ways, sides, strict=True))
+    start, end = (
+        base + way * np.array([math.cos(side), math.sin(side)]) for way, side in zip(ways, sides, strict=True)
+    )
     start, end = np.round(start, DIGITS), np.round(end, DIGITS)
     segment: dict[str, Any] = {"line": {"to_m": [*map(float, end), 0.0]}}
     if generator.random() < 0.5:
@@ -348,6 +361,7 @@ def _facing(robot: _Robot, generator: np.random.Generator) -> dict[str, Any]:
 
 _FAMILIES = {
     "planar": _planar,
+    "ring": _ring,
     "panda": lambda generator, _: _facing(_ROBOTS["panda"], generator),
     "iiwa": lambda generator, _: _facing(_ROBOTS["iiwa"], generator),
     "ur5e": lambda generator, _: _facing(_ROBOTS["ur5e"], generator),

@@ -27,15 +27,17 @@ from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset
 from armtempo.planners._timing_problem import Motions, TimingProblem
+from armtempo.planners._vci import plan_vci
 
 VERSION = 1
+PLANNED = ("delay", "offset", "vci", "interval", "optimal")
 COEFFICIENTS = ("grid", "M", "Q", "R", "S", "torque_min", "torque_max", "speed_max")
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Instance:
-    """What timing needs of a cell, read back from a file by ``load_instance``.
+    """What timing needs of a cell: ``Instance.of`` it, or read back from a file by ``load_instance``.
 
     Attributes:
         name: The cell's name.
@@ -55,8 +57,28 @@ class Instance:
     planned_clearance: float
     control_period: float
 
+    @classmethod
+    def of(cls, cell: Cell, labels: CellLabels, *, family: str = "") -> Instance:
+        """A cell's planes, charts and bound motions, with no plan made yet."""
+        motions = _bound_motions(cell)
+        return cls(
+            name=cell.name,
+            family=family,
+            labels=labels,
+            timing=TimingProblem(
+                names=cell.timing.names,
+                planes=cell.planes,
+                chart_between=cell.chart_between,
+                bound_chart_between=cell.bound_chart_between,
+                bound_motions=lambda: motions,
+            ),
+            d_min=cell.d_min,
+            planned_clearance=cell.planned_clearance,
+            control_period=cell.control_period,
+        )
+
     def plan(self, method: str, *, order: tuple[int, ...] | None = None) -> Motions:
-        """Motions of all arms by ``delay``, ``offset``, ``interval`` or ``optimal``, as ``schedule`` plans the cell.
+        """Motions of all arms by one of ``PLANNED``, as ``schedule`` plans the cell.
 
         Raises:
             UnknownNameError: No such method.
@@ -69,9 +91,17 @@ class Instance:
             return offset(self.timing, order)
         if method == "interval":
             return prioritised(self.timing, order)
+        if method == "vci":
+            return plan_vci(self.timing.planes, self.timing.chart_between, order, self.control_period)[0]
         if method == "optimal":
             return optimal(self.timing)[0]
-        raise UnknownNameError("method", method, ("delay", "offset", "interval", "optimal"))
+        raise UnknownNameError("method", method, PLANNED)
+
+
+def _bound_motions(cell: Cell) -> tuple[tuple[PhaseTrajectory, float], ...]:
+    motions = cell.timing.bound_motions
+    assert motions is not None
+    return motions()
 
 
 def pack_states(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -89,8 +119,7 @@ def unpack_states(packed: NDArray[np.uint8], resolution: int) -> NDArray[np.uint
 def save_instance(file: Path, cell: Cell, labels: CellLabels, *, family: str = "") -> None:
     """Write a cell's charts, path coefficients, minimum-time motions of its bound and labels, whole or not at all."""
     arrays: dict[str, Any] = {}
-    assert cell.timing.bound_motions is not None
-    motions = cell.timing.bound_motions()
+    motions = _bound_motions(cell)
     for i, (plane, (motion, share)) in enumerate(zip(cell.planes, motions, strict=True)):
         arrays |= {f"arm{i}_{name}": getattr(plane.dynamics, name) for name in COEFFICIENTS}
         arrays |= {f"arm{i}_bound_{name}": getattr(motion, name) for name in ("lam", "mu", "time")}
