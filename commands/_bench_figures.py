@@ -42,7 +42,7 @@ def arms_figure(rings: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> F
     left.legend(loc="upper left")
     count = max(sum(ring["arms"] == n for ring in rings) for n in sizes)
     figure.text(
-        0.995, 0.005, f"{count} random rings per size, lines: medians; right: solved ones only", ha="right", va="bottom",
+        0.995, 0.005, f"{count} random rings per size, lines: medians; right: solved ones", ha="right", va="bottom",
         fontsize=7.5, color=MUTED,
     )  # fmt: skip
     return figure

@@ -86,8 +86,8 @@ def kind_of(labels: CellLabels) -> str:
 SEED = 1991
 QUOTAS: Mapping[str, Mapping[str, int]] = {
     "planar": {"mixed": 24, "uniform": 24, "other": 12},
-    "panda": {"mixed": 8, "uniform": 8, "other": 4},
-    "iiwa": {"mixed": 4, "uniform": 4, "other": 2},
+    "panda": {"mixed": 8, "uniform": 4, "other": 4},
+    "iiwa": {"mixed": 3, "uniform": 3, "other": 2},
 }
 
 
