@@ -251,3 +251,11 @@ def bench_arms(
     write_png(arms_figure(entries, methods), out)
     output.say(f"Picture: {shown(out)}")
     output.json({"seed": seed, "count": count, "rings": entries})
+
+
+def bench() -> None:
+    """Benchmarks: coordination (all methods on a fixed set of cells), arms (planning time over the number of arms)."""
+    # for the list of commands; main dispatches the line itself
+
+
+BENCHES: dict[str, Callable[..., None]] = {"coordination": bench_coordination, "arms": bench_arms}

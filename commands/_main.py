@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import tyro
 
 from armtempo import ArmtempoError, __version__
-from armtempo.commands._bench import bench_arms, bench_coordination
+from armtempo.commands._bench import BENCHES, bench
 from armtempo.commands._cells import cells
 from armtempo.commands._evaluate import evaluate
 from armtempo.commands._generate import generate
@@ -28,8 +28,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "record": record,
     "cells": cells,
     "reproduce": reproduce,
-    "bench coordination": bench_coordination,
-    "bench arms": bench_arms,
+    "bench": bench,
 }
 
 
@@ -46,8 +45,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
             tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
-            return 0
-        tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)
+        elif line[:1] == ["bench"]:
+            tyro.extras.subcommand_cli_from_dict(
+                BENCHES, prog="armtempo bench", description=bench.__doc__, args=line[1:]
+            )
+        else:
+            tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)
     except SystemExit as stop:  # --help, or a line that tyro has complained about
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     except ArmtempoError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, final, get_args
@@ -117,6 +117,13 @@ def draw_benchmark(family: str, report: Callable[[str], None] = lambda _: None) 
                 labels=generated.labels,
             )
             count[kind] += 1
+
+
+def dump(records: Iterable[Mapping[str, Any]]) -> str:
+    """The file of the set: one line per instance."""
+    lines = ",\n".join(json.dumps(record, separators=(",", ":")) for record in records)
+    rule = "per family, instances 0, 1, 2, ... of the seed, each kept while its kind lacks some; see draw_benchmark"
+    return f'{{"version":1,"rule":"{rule}","instances":[\n{lines}\n]}}\n'
 
 
 @cache

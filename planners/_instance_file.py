@@ -1,4 +1,4 @@
-r"""Instances as files: charts and path coefficients, for planning and learning without robots, meshes and FCL.
+r"""Instances as files: charts and path coefficients, for planning and learning without robots and meshes.
 
 One compressed npz per cell. The states of a chart take two bits per cell before compression.
 """
@@ -146,7 +146,7 @@ def save_instance(file: Path, cell: Cell, labels: CellLabels, *, family: str = "
 
 
 def load_instance(file: str | Path) -> Instance:
-    """Read an instance that ``save_instance`` or ``armtempo cells generate`` wrote. Needs no robots and no FCL.
+    """Read an instance that ``save_instance`` or ``armtempo cells generate`` wrote. Asks no robot, mesh or distance.
 
     Raises:
         InputError: The file cannot be read, or is no instance of this version.
