@@ -5,6 +5,7 @@ One compressed npz per cell. The states of a chart take two bits per cell before
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from collections.abc import Mapping
@@ -153,7 +154,7 @@ def load_instance(file: str | Path) -> Instance:
     """
     path = Path(file)
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         head = json.loads(arrays["head"].tobytes())
         if head["version"] != VERSION:
