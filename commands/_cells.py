@@ -20,6 +20,8 @@ def cells(
 ) -> None:
     """List the cells that come with armtempo, or show one and check that its arms can do their paths.
 
+    `armtempo cells generate --help` explains how to make random ones.
+
     Args:
         cell: A bundled cell's name, or your own YAML file: show its arms, limits, path lengths, minimum times and
             clearances. Without it: list the bundled cells.

@@ -8,8 +8,10 @@ from collections.abc import Callable, Sequence
 import tyro
 
 from armtempo import ArmtempoError, __version__
+from armtempo.commands._bench import BENCHES, bench
 from armtempo.commands._cells import cells
 from armtempo.commands._evaluate import evaluate
+from armtempo.commands._generate import generate
 from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
 from armtempo.commands._record import record
@@ -26,6 +28,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "record": record,
     "cells": cells,
     "reproduce": reproduce,
+    "bench": bench,
 }
 
 
@@ -40,7 +43,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.write(f"armtempo {__version__}\n")
         return 0
     try:
-        tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)
+        if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
+            tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
+        elif line[:1] == ["bench"]:
+            tyro.extras.subcommand_cli_from_dict(
+                BENCHES, prog="armtempo bench", description=bench.__doc__, args=line[1:]
+            )
+        else:
+            tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)
     except SystemExit as stop:  # --help, or a line that tyro has complained about
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     except ArmtempoError as error:

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from armtempo.planners import _phase_kernels as phase_kernels
+from armtempo.planners._benchmark_set import (
+    SPLITS,
+    BenchmarkInstance,
+    benchmark_instances,
+    draw_benchmark,
+)
 from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
+from armtempo.planners._cell_generator import FAMILIES, CellLabels, GeneratedCell, cell_name, generate_cell, label_cell
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
+from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell, bench_claims
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._execution import Execution, ScheduleExecution
+from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
+from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
@@ -27,13 +37,24 @@ from armtempo.planners._waypoint_file import read_waypoints
 from armtempo.planners._waypoint_path import WaypointPath
 
 __all__ = [
+    "ENGINES",
+    "FAMILIES",
     "METHODS",
+    "PLANNED",
+    "SPLITS",
     "Arc",
+    "Audit",
+    "BenchResult",
+    "BenchmarkInstance",
     "CartesianPath",
     "Cell",
+    "CellLabels",
+    "Claim",
     "ClearanceTable",
     "ChartRegion",
     "CoordinationChart",
+    "GeneratedCell",
+    "Instance",
     "Island",
     "IntervalSearch",
     "Execution",
@@ -61,10 +82,20 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "WaypointPath",
+    "audit_clearance",
+    "bench_cell",
+    "bench_claims",
+    "benchmark_instances",
     "build_cell",
+    "cell_name",
     "clearance_table",
+    "default_engine",
     "diagnose",
+    "draw_benchmark",
+    "generate_cell",
+    "label_cell",
     "load_cell",
+    "load_instance",
     "makespan_bound",
     "minimum_time",
     "pair_bound",
@@ -75,6 +106,7 @@ __all__ = [
     "read_waypoints",
     "plan_vci",
     "precedence",
+    "save_instance",
     "schedule",
     "tabulated_clearance",
     "write_trajectory",

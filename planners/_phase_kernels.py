@@ -126,7 +126,7 @@ def _eliminate(stage: Array, count: int, x_cap: float, bands: Array, out: Array)
                     high = min(high, far * far if far > 0.0 else -far * far)
                     if near > 0.0:
                         low = max(low, near * near)
-                elif far > 0.0:  # outside them
+                elif far > 0.0 and far * far > low and near * near * np.sign(near) < high:  # outside them
                     if near <= 0.0 or taken == bands.shape[0]:  # no room for one more: leave out what is below
                         low = max(low, far * far)
                     else:

@@ -321,6 +321,9 @@ class VelocityControl:
             limit = np.full(most * self.checks, np.inf)
             for regions, slave_first, c in zip(self._regions, first, column, strict=True):
                 limit = np.minimum(limit, regions.limit(~slave_first, c))
+            if limit[0] - MARGIN >= lam and limit[-1] - MARGIN < self.slave.length:
+                # the limit never falls: no use in creeping up to where it ends
+                raise self._refusal(most * self.period, masters)
             found = self._intervals(lam, mu, limit - MARGIN, most, record=record)
             if isinstance(found, int):
                 raise self._refusal(found * self.period, masters)

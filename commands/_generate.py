@@ -1,0 +1,109 @@
+"""``armtempo cells generate``: random cells, labelled, with their charts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from armtempo.commands._output import JsonFile, Output, new_table, shown
+
+
+def generate(
+    *,
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")],
+    family: Literal["planar", "ring", "panda", "iiwa", "ur5e"] = "planar",
+    count: int = 20,
+    seed: int = 1,
+    first: int = 0,
+    arms: int = 2,
+    json_file: JsonFile = None,
+) -> None:
+    """Draw random cells whose arms conflict at full speed, and label them. Each is the same on every machine and day.
+
+    Writes three files per cell: NAME.yaml goes wherever a cell's name does, NAME.labels.json says whether it is
+    feasible, its class (uniform or mixed) and bound, NAME.npz has charts and path coefficients for load_instance.
+
+    Args:
+        out: Folder for the files. Cells that are there already are kept: an interrupted run goes on where it was.
+        family: planar (two-link arms), ring (of such arms, see --arms), panda, iiwa or ur5e pairs.
+        count: How many.
+        seed: Of the generator.
+        first: Number of the first one; the k-th of a seed is the same whichever are drawn before it.
+        arms: How many arms a ring has, 2 to 8.
+        json_file: Write labels and rejected draws there as JSON, units in the keys; "-" for nothing but JSON on stdout.
+    """
+    import json
+
+    from armtempo.errors import InputError
+    from armtempo.planners import cell_name, generate_cell
+
+    if count < 1:
+        raise InputError(f"--count must be at least 1, got {count}")
+    output = Output(json_file)
+    entries: list[dict[str, Any]] = []
+    rejected: Counter[str] = Counter()
+    drawn = 0
+    with output.progress(f"Drawing {family} cells", count) as (progress, task):
+        for index in range(first, first + count):
+            name = cell_name(family, seed, index, arms=arms)
+            progress.update(task, description=f"Drawing {name}")
+            labels = out / f"{name}.labels.json"
+            if not all((out / f"{name}{suffix}").is_file() for suffix in (".yaml", ".npz", ".labels.json")):
+                _write(out, generate_cell(family, seed, index, arms=arms))
+                drawn += 1
+            entry = json.loads(labels.read_text(encoding="utf-8"))
+            entries.append(entry)
+            rejected.update(entry["rejected"])
+            progress.advance(task)
+    table = new_table(f"{count} {family} cells of seed {seed}", f"{drawn} drawn, {count - drawn} were there already")
+    table.add_column("status")
+    table.add_column("class")
+    table.add_column("cells", justify="right")
+    for (status, kind), number in sorted(Counter((entry["status"], entry["class"]) for entry in entries).items()):
+        table.add_row(status, kind, str(number))
+    output.table(table)
+    words = ", ".join(f"{number} x {reason}" for reason, number in rejected.most_common())
+    output.say(f"Rejected draws: {words or 'none'}")
+    output.say(f"Cells, labels and charts in {shown(out)}")
+    output.json(
+        {
+            "family": family,
+            "seed": seed,
+            "arms": arms,
+            "drawn": drawn,
+            "rejected": dict(rejected),
+            "cells": entries,
+        }
+    )
+
+
+def _write(out: Path, generated: Any) -> None:
+    """The three files of a cell, the labels last: they say that the others are complete."""
+    import json
+
+    import yaml
+
+    from armtempo.files import whole_file
+    from armtempo.planners import save_instance
+
+    name = generated.cell.name
+    head = f"# Drawn by: armtempo cells generate --family {generated.family} --seed {generated.seed}"
+    head += f" --first {generated.index} --count 1"
+    head += f" --arms {len(generated.cell.arms)}" if generated.family == "ring" else ""
+    text = yaml.safe_dump(dict(generated.data), sort_keys=False, default_flow_style=None, width=118)
+    with whole_file(out / f"{name}.yaml") as temporary:
+        temporary.write_text(f"{head}\n{text}", encoding="utf-8")
+    save_instance(out / f"{name}.npz", generated.cell, generated.labels, family=generated.family)
+    entry = {
+        "cell": name,
+        "family": generated.family,
+        "seed": generated.seed,
+        "index": generated.index,
+        **generated.labels.record(),
+        "rejected": dict(generated.rejected),
+    }
+    with whole_file(out / f"{name}.labels.json") as temporary:
+        temporary.write_text(json.dumps(entry, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,84 @@
+"""``armtempo bench`` and ``armtempo cells generate``: tiny runs, their files and their errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import imageio.v3 as imageio
+import pytest
+
+from armtempo.commands import main
+from armtempo.planners import load_cell, load_instance
+
+
+@pytest.fixture(autouse=True)
+def _work_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+
+
+def test_cells_are_generated_once(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["cells", "generate", "--family", "planar", "--count", "1", "--first", "1", "--out", "cells"]
+    assert main([*line, "--json", "cells.json"]) == 0
+    assert "Rejected draws: 3 x the arms do not meet" in capsys.readouterr().out
+    data = json.loads(Path("cells.json").read_text(encoding="utf-8"))
+    assert data["drawn"] == 1
+    (entry,) = data["cells"]
+    cell = load_cell("cells/planar-1-0001.yaml")
+    instance = load_instance("cells/planar-1-0001.npz")
+    assert entry["lower_bound_s"] == instance.labels.lower_bound == cell.lower_bound
+    assert (instance.timing.chart_between(0, 1).states == cell.chart.states).all()
+    before = {file: file.stat().st_mtime_ns for file in Path("cells").iterdir()}
+    assert len(before) == 3
+    assert main(line) == 0
+    assert "0 drawn, 1 were there already" in capsys.readouterr().out
+    assert before == {file: file.stat().st_mtime_ns for file in Path("cells").iterdir()}
+    Path("cells/planar-1-0001.npz").unlink()  # half an instance is drawn again
+    assert main(line) == 0
+    assert load_instance("cells/planar-1-0001.npz").labels == instance.labels
+
+
+def test_cells_still_lists(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cells"]) == 0
+    assert "lee1991" in capsys.readouterr().out
+
+
+def test_bench_coordination(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["bench", "coordination", "--families", "planar", "--limit", "6", "--methods", "delay", "optimal"]
+    assert main([*line, "--json", "bench.json"]) == 0
+    out = capsys.readouterr().out
+    assert "audited by coal at 10 x the control rate" in out
+    assert "broken" not in out
+    data = json.loads(Path("bench.json").read_text(encoding="utf-8"))
+    assert data["cells"] == 6
+    assert len(data["results"]) == 12
+    assert data["methods"]["optimal"]["all"]["violations"] == 0
+    assert data["other_bounds"] == []
+    solved = [one for one in data["results"] if one["solved"]]
+    assert len(solved) >= 6
+    assert all(one["min_clearance_m"] > 0.0 and one["gap_percent"] > -0.1 for one in solved)
+    assert all(one["reason"] for one in data["results"] if not one["solved"])
+
+
+def test_bench_arms() -> None:
+    assert main(["bench", "arms", "--most", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
+    rings = json.loads(Path("arms.json").read_text(encoding="utf-8"))["rings"]
+    assert [ring["arms"] for ring in rings] == [2, 3]
+    assert all(ring["makespan_s"]["optimal"] >= ring["lower_bound_s"] for ring in rings)
+    assert imageio.imread("arms.png").std() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (["bench", "coordination", "--methods", "magic"], "unknown method 'magic'"),
+        (["bench", "coordination", "--limit", "0"], "--limit must be at least 1"),
+        (["bench", "arms", "--most", "9"], "--most must be 2 to 8"),
+        (["cells", "generate", "--out", "cells", "--count", "0"], "--count must be at least 1"),
+        (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "3"], "2 to 8 for ring"),
+    ],
+)
+def test_wrong_lines(line: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(line) == 2
+    assert words in capsys.readouterr().err

@@ -1,0 +1,76 @@
+"""Instances as files: what is read back is what was written, and plans from it are the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from armtempo.errors import InputError, UnknownNameError
+from armtempo.planners import Cell, Instance, label_cell, load_instance, save_instance, schedule
+from armtempo.planners._instance_file import COEFFICIENTS, pack_states, unpack_states
+
+
+@pytest.fixture(scope="module")
+def file(lee1991: Cell, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("instances") / "lee1991.npz"
+    save_instance(file, lee1991, label_cell(lee1991), family="planar")
+    return file
+
+
+@pytest.fixture(scope="module")
+def instance(file: Path) -> Instance:
+    return load_instance(file)
+
+
+@given(arrays(np.uint8, st.integers(1, 17).map(lambda n: (n, n)), elements=st.integers(0, 2)))
+def test_states_come_back(states: np.ndarray) -> None:  # type: ignore[type-arg]
+    packed = pack_states(states)
+    assert packed.size <= 2 * (states.size // 8 + 1)
+    np.testing.assert_array_equal(unpack_states(packed, len(states)), states)
+
+
+def test_charts_and_coefficients_come_back(instance: Instance, lee1991: Cell) -> None:
+    for i, j in ((0, 1), (1, 0)):
+        for read, built in (
+            (instance.timing.chart_between(i, j), lee1991.chart_between(i, j)),
+            (instance.timing.bound_chart_between(i, j), lee1991.bound_chart_between(i, j)),
+        ):
+            np.testing.assert_array_equal(read.states, built.states)
+            assert (read.length_a, read.length_b, read.d_min) == (built.length_a, built.length_b, built.d_min)
+    for read_plane, plane in zip(instance.timing.planes, lee1991.planes, strict=True):
+        for name in COEFFICIENTS:
+            np.testing.assert_array_equal(getattr(read_plane.dynamics, name), getattr(plane.dynamics, name))
+        np.testing.assert_array_equal(read_plane.edges.high, plane.edges.high)
+    assert instance.labels == label_cell(lee1991)
+    assert instance.timing.bound.time == lee1991.lower_bound
+    assert instance.family == "planar"
+    assert instance.control_period == lee1991.control_period
+
+
+@pytest.mark.parametrize("method", ["delay", "vci", "optimal"])
+def test_plans_are_the_cells_own(instance: Instance, lee1991: Cell, method: str) -> None:
+    for motion, own in zip(instance.plan(method), schedule(lee1991, method).trajectories, strict=True):
+        np.testing.assert_allclose(motion.time, own.time, rtol=1e-12)
+        np.testing.assert_allclose(motion.lam, own.lam, rtol=1e-12)
+
+
+def test_a_cell_is_an_instance_too(lee1991: Cell) -> None:
+    fresh = Instance.of(lee1991, label_cell(lee1991))
+    assert fresh.timing.bound.time == lee1991.lower_bound
+    with pytest.raises(UnknownNameError, match="interval"):
+        fresh.plan("magic")
+
+
+def test_other_files_are_refused(file: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(file.read_bytes()[:5000])
+    other = tmp_path / "other.npz"
+    np.savez(other, a=np.zeros(3))
+    for wrong in (cut, other, tmp_path / "missing.npz"):
+        with pytest.raises(InputError, match="is no instance"):
+            load_instance(wrong)
