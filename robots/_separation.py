@@ -3,8 +3,9 @@
 Gilbert, Johnson, Keerthi 1988: the point ``v`` of the difference ``A - B`` nearest to the origin is approached from
 within. Every iterate is itself a proof: ``|v|`` is the distance of two points of the shapes, so not less than theirs,
 and the plane across ``v`` through the farthest point of ``A - B`` against it separates them by at least
-``v . support / |v|``. A search may stop as soon as the bounds answer its question, which most do after a few steps. Rounding is in
-both: of a cylinder's rim seen along its axis up to 1e-8 of its radius, nanometres beside tolerances of half a millimetre.
+``v . support / |v|``. A search may stop as soon as the bounds answer its question, which most do after a
+few steps. Rounding is in both bounds: of a cylinder's rim seen along its axis up to 1e-8 of its radius, nanometres
+beside tolerances of half a millimetre.
 """
 
 from __future__ import annotations
