@@ -495,30 +495,40 @@ def acceleration_bounds(rows: Rows, lam: float, x: float) -> tuple[float, float]
 
 
 @njit
+def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: float, d2: float) -> tuple[float, float]:
+    """Bounds of ``u`` from one row with friction, met after travelling ``d2 / 2`` from ``x``."""
+    if d2 <= 0.0:
+        used = b * x + r * np.sqrt(x)
+        if a < 0.0:
+            a, low, high, used = -a, -high, -low, -used
+        return ((low - used) / a, (high - used) / a) if a > 1e-14 else (-np.inf, np.inf)
+    low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
+    if band_high > band_low:  # stay on the side where the arm is
+        low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
+    # without a speed that is needed there the arm may come to rest before the end of the piece
+    return (low - x) / d2 if low > 0.0 else -np.inf, (high - x) / d2
+
+
+@njit
 def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float, float]:
     """Bounds of ``u`` from the rows at share ``w`` of interval i, met after travelling ``d2 / 2`` from ``x``."""
     lowest, highest = -np.inf, np.inf
-    mu = np.sqrt(x)
     for j in range(rows.a.shape[1]):
         a = rows.a[i, j] + w * (rows.a[i + 1, j] - rows.a[i, j])
         b = rows.b[i, j] + w * (rows.b[i + 1, j] - rows.b[i, j])
-        r = rows.r[i, j] + w * (rows.r[i + 1, j] - rows.r[i, j])
         low = rows.low[i, j] + w * (rows.low[i + 1, j] - rows.low[i, j])
         high = rows.high[i, j] + w * (rows.high[i + 1, j] - rows.high[i, j])
-        if d2 > 0.0 and r != 0.0:
-            low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
-            if band_high > band_low:  # stay on the side where the arm is
-                low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
-            if low > 0.0:  # else the arm may come to rest before the end of the piece
-                lowest = max(lowest, (low - x) / d2)
-            highest = min(highest, (high - x) / d2)
+        r = rows.r[i, j] + w * (rows.r[i + 1, j] - rows.r[i, j])
+        if r != 0.0:
+            least, most = _viscous_bounds(a, b, r, low, high, x, d2)
+            lowest, highest = max(lowest, least), min(highest, most)
             continue
-        a, used = a + d2 * b, b * x + r * mu
+        a, low, high = a + d2 * b, low - b * x, high - b * x
         if a < 0.0:
-            a, low, high, used = -a, -high, -low, -used
+            a, low, high = -a, -high, -low
         if a > 1e-14:
-            lowest = max(lowest, (low - used) / a)
-            highest = min(highest, (high - used) / a)
+            lowest = max(lowest, low / a)
+            highest = min(highest, high / a)
     return lowest, highest
 
 
