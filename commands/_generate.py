@@ -58,7 +58,7 @@ def generate(
             entries.append(entry)
             rejected.update(entry["rejected"])
             progress.advance(task)
-    table = new_table(f"{count} {family} cells of seed {seed}", f"{drawn} drawn, {count - drawn} were there already")
+    table = new_table(f"{count} {family} cells of seed {seed}")
     table.add_column("status")
     table.add_column("class")
     table.add_column("cells", justify="right")
@@ -66,7 +66,7 @@ def generate(
         table.add_row(status, kind, str(number))
     output.table(table)
     words = ", ".join(f"{number} x {reason}" for reason, number in rejected.most_common())
-    output.say(f"Rejected draws: {words or 'none'}")
+    output.say(f"{drawn} drawn, {count - drawn} were there already. Rejected draws: {words or 'none'}")
     output.say(f"Cells, labels and charts in {shown(out)}")
     output.json(
         {

@@ -18,7 +18,7 @@ from armtempo.planners._independent_audit import Engine, audit_clearance
 from armtempo.planners._schedule import Schedule, schedule
 
 ORDERED = ("constant-speed", "constant-acceleration", "delay", "vci", "offset", "interval")  # look at one order only
-TORQUE_EXCESS = 1e-3  # share of a limit that plans may exceed between stations
+EXCESS = 1e-3  # share of a limit that plans may exceed between stations
 REFUSALS = ("certified infeasible", "undecided", "not holdable")  # what ``optimal`` may say
 SLACK = 0.1  # [%] of gap below zero that rounding explains
 
@@ -39,7 +39,7 @@ class BenchResult:
         fallback: The method that planned instead.
         orders: Per order of the arms that was tried, its makespan [s], None without a plan.
         min_clearance: Smallest distance of two arms by the audit [m]; None: not audited.
-        violations: What is wrong with the plan: ``clearance``, ``torque``, ``speed``, ``end``.
+        violations: What is wrong with the plan: ``clearance``, ``torque``, ``speed``, ``acceleration``, ``end``.
     """
 
     cell: str
@@ -139,10 +139,13 @@ def _audit(plan: Schedule, engine: Engine | None) -> tuple[tuple[str, ...], floa
         audit = audit_clearance(plan.cell, plan.trajectories, engine=engine)
         clearance = audit.min_clearance
         found += ["clearance"] if audit.violated else []
-    motions = [motion.certificate for motion in plan.trajectories]
-    limit = 1.0 - plan.cell.config.torque_reserve
-    found += ["torque"] if max(m.torque_ratio_max for m in motions) > limit * (1.0 + TORQUE_EXCESS) else []
-    found += ["speed"] if max(m.speed_ratio_max for m in motions) > 1.0 + TORQUE_EXCESS else []
+    motions = [motion.certificate for motion in plan.trajectories]  # relative to the limits less the reserve
+    ratios = {
+        "torque": max(m.torque_ratio_max for m in motions),
+        "speed": max(m.speed_ratio_max for m in motions),
+        "acceleration": max(m.acceleration_ratio_max for m in motions),
+    }
+    found += [name for name, ratio in ratios.items() if ratio > 1.0 + EXCESS]
     found += ["end"] if max(m.end_error for m in motions) > 1e-9 else []
     return tuple(found), clearance
 

@@ -7,8 +7,7 @@ import math
 
 import pytest
 
-from armtempo.planners import BenchResult, Cell, CellLabels, bench_cell, bench_claims, label_cell
-from armtempo.planners import _coordination_bench as module
+from armtempo.planners import BenchResult, Cell, CellLabels, bench_cell, bench_claims, label_cell, schedule
 
 
 @pytest.fixture(scope="module")
@@ -66,12 +65,9 @@ def test_a_plan_of_what_is_infeasible_breaks_a_claim(results: dict[str, BenchRes
 
 
 def test_a_colliding_plan_is_reported(lee1991: Cell, labels: CellLabels, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = module.schedule
+    def careless(cell: Cell, method: str, **_: object) -> object:
+        return dataclasses.replace(schedule(cell, method), trajectories=cell.fastest)
 
-    def careless(cell: Cell, method: str, **options: object) -> object:
-        made = plan(cell, method, **options)
-        return dataclasses.replace(made, trajectories=cell.fastest)
-
-    monkeypatch.setattr(module, "schedule", careless)
+    monkeypatch.setattr("armtempo.planners._coordination_bench.schedule", careless)
     (result,) = bench_cell(lee1991, labels, ("delay",), engine="coal")
     assert result.violations == ("clearance",)

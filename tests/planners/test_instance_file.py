@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, Instance, label_cell, load_instance, save_instance, schedule
@@ -28,7 +29,7 @@ def instance(file: Path) -> Instance:
 
 
 @given(arrays(np.uint8, st.integers(1, 17).map(lambda n: (n, n)), elements=st.integers(0, 2)))
-def test_states_come_back(states: np.ndarray) -> None:  # type: ignore[type-arg]
+def test_states_come_back(states: NDArray[np.uint8]) -> None:
     packed = pack_states(states)
     assert packed.size <= 2 * (states.size // 8 + 1)
     np.testing.assert_array_equal(unpack_states(packed, len(states)), states)
