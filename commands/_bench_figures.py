@@ -22,7 +22,8 @@ def arms_figure(rings: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> F
         color = policy_color(method)
         aside = 0.07 * (k - 0.5 * (len(methods) - 1))
         for axes, value in ((left, _seconds), (right, _gap)):
-            points = [(ring["arms"], value(ring, method)) for ring in rings if value(ring, method) is not None]
+            found = [(int(ring["arms"]), value(ring, method)) for ring in rings]
+            points = [(m, v) for m, v in found if v is not None]
             arms, values = (
                 (np.array(column, dtype=float) for column in zip(*points, strict=True)) if points else ([], [])
             )
