@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from armtempo.commands._style import MUTED, new_figure, policy_color, styled
+from armtempo.commands._style import new_figure, policy_color, styled
 
 
 @styled
@@ -22,12 +22,14 @@ def arms_figure(rings: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> F
         color = policy_color(method)
         aside = 0.07 * (k - 0.5 * (len(methods) - 1))
         for axes, value in ((left, _seconds), (right, _gap)):
-            points = [(ring["arms"], value(ring, method)) for ring in rings if value(ring, method) is not None]
+            found = [(int(ring["arms"]), value(ring, method)) for ring in rings]
+            points = [(m, v) for m, v in found if v is not None]
             arms, values = (
                 (np.array(column, dtype=float) for column in zip(*points, strict=True)) if points else ([], [])
             )
             axes.plot(np.asarray(arms) + aside, values, "o", color=color, alpha=0.35, markersize=4, markeredgewidth=0)
-            middle = [(n, np.median([v for m, v in points if m == n])) for n in sizes if any(m == n for m, _ in points)]
+            own = [[v for m, v in points if m == n] for n in sizes]
+            middle = [(n, np.median(v) if v else np.nan) for n, v in zip(sizes, own, strict=True)]  # no line over gaps
             axes.plot(*np.array(middle).reshape(-1, 2).T, color=color, label=method)
     left.set_yscale("log")
     left.set_title("Planning time")
@@ -41,10 +43,7 @@ def arms_figure(rings: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> F
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.legend(loc="upper left")
     count = max(sum(ring["arms"] == n for ring in rings) for n in sizes)
-    figure.text(
-        0.995, 0.005, f"{count} random rings per size, lines: medians; right: solved ones", ha="right", va="bottom",
-        fontsize=7.5, color=MUTED,
-    )  # fmt: skip
+    left.set_xlabel(f"arms (solved ones of {count} random rings per size; lines: medians)")
     return figure
 
 

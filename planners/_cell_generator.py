@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
@@ -375,7 +375,7 @@ def _facing(robot: _Robot, generator: np.random.Generator) -> dict[str, Any]:
     }
 
 
-_FAMILIES = {
+_FAMILIES: dict[str, Callable[[np.random.Generator, int], dict[str, Any]]] = {
     "planar": _planar,
     "ring": _ring,
     "panda": lambda generator, _: _facing(_ROBOTS["panda"], generator),

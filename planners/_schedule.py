@@ -218,13 +218,20 @@ def _first_root(square: Array, linear: Array, value: Array) -> Array:
 def _vci(cell: Cell, order: tuple[int, ...], period: float) -> Schedule:
     try:
         motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
+        plan = Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
+        if not plan._certify_free():
+            raise InfeasibleError(
+                "velocity control's motions leave the cells that are certified free",
+                remedy="swap the order of the arms, or use 'interval' or 'optimal'",
+                reason="not certified free",
+            )
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way
             shaped = prioritised(cell.timing, order)
         except InfeasibleError:
             raise refusal from None
         return Schedule(method="vci", cell=cell, trajectories=shaped, order=order, fallback="interval")
-    return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
+    return plan
 
 
 _PLANNERS: dict[str, Callable[..., Schedule]] = {  # in the order in which tables show them
