@@ -179,7 +179,10 @@ class PhaseTrajectory:
             q, dq, ddq = path.evaluate(lam)
             qd, qdd = dq * mu[..., None], ddq * mu[..., None] ** 2 + dq * mu_dot[..., None]
             torque = arm.inverse_dynamics(q, qd, qdd, friction=False)
-            torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, moving(dq), 0.0)
+            sign = moving(dq)
+            # a joint may turn back at either end of an interval, where rounding would choose its sign
+            sign[:, 0] = sign[:, -1] = sign[:, CERTIFY_SAMPLES // 2]
+            torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, sign, 0.0)
             speed = np.maximum(speed, (np.abs(qd) / arm.speed_max).max(axis=-1))
             acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
         ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
