@@ -144,8 +144,8 @@ def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
         return PhasePlanePolicy()
     if name == "random":
         return RandomPolicy()
-    if name == "vci":
-        return VciPolicy(cell)
     if name in METHODS:
-        return SchedulePolicy(plan if plan is not None else schedule(cell, name))
+        plan = plan if plan is not None else schedule(cell, name)
+        # where velocity control has no safe plan of its own, on line it has none either
+        return VciPolicy(cell) if name == "vci" and plan.fallback is None else SchedulePolicy(plan)
     raise UnknownNameError("policy", name, POLICIES)

@@ -147,17 +147,19 @@ class Cell:
     def _bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
         """Minimum-time motions from a grid much finer than the plans', and twice what halving it changes.
 
-        A grid overestimates minimum times: bounds take that share off.
+        A grid overestimates minimum times: bounds take that share off. Where a finer grid finds a longer time (an arm
+        that passes a place almost at rest because it cannot hold still there) the plan's own time is the bound.
         """
         motions = []
-        for arm, path in zip(self.arms, self.paths, strict=True):
+        for arm, path, planned in zip(self.arms, self.paths, self.fastest, strict=True):
             coarse, fine = (
                 PhasePlane(
                     PathDynamics.from_path(arm, path, intervals=intervals, torque_reserve=self.config.torque_reserve)
                 ).fastest()
                 for intervals in (BOUND_GRID // 2, BOUND_GRID)
             )
-            motions.append((fine, 2.0 * abs(coarse.duration - fine.duration) / fine.duration))
+            least = min(fine.duration, planned.duration) - 2.0 * abs(coarse.duration - fine.duration)
+            motions.append((fine, 1.0 - least / fine.duration))
         return tuple(motions)
 
     @property

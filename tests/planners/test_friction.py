@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners import JointPath, PathDynamics, PhasePlane, diagnose, minimum_time, refined_plane
+from armtempo.planners import (
+    JointPath,
+    PathDynamics,
+    PhasePlane,
+    benchmark_instances,
+    diagnose,
+    minimum_time,
+    refined_plane,
+)
 from armtempo.robots import Arm, njit
 
 Floats = NDArray[np.float64]
@@ -288,3 +296,12 @@ def test_a_seven_axis_arm_with_all_limits_and_all_friction(panda: Arm) -> None:
         found = diagnose(PhasePlane(motion.dynamics), motion)
         active |= {found.describe(k).split(" of ")[0] for k in range(len(found.active))}
     assert {"the torque", "the acceleration", "speed limit"} <= active
+
+
+@pytest.mark.parametrize("intervals", [500, 1000, 8000])
+def test_bands_far_above_take_no_room(intervals: int) -> None:
+    """An iiwa with friction has more bands than there is room for, all of them above what it can reach."""
+    cell = next(one for one in benchmark_instances(family="iiwa") if one.index == 1).build()
+    for arm, path, motion in zip(cell.arms, cell.paths, cell.fastest, strict=True):
+        plane = PhasePlane(PathDynamics.from_path(arm, path, intervals=intervals))
+        assert plane.fastest().duration == pytest.approx(motion.duration, rel=0.01)
