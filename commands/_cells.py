@@ -59,6 +59,14 @@ def _list(output: Output) -> None:
     output.json(entries)
 
 
+CLASSES = {
+    "free": "The arms do not meet at full speed.",
+    "uniform": "One arm goes first everywhere: a start delay is optimal.",
+    "mixed": "Each arm must go first somewhere, or yield on the way: timing must be shaped.",
+    "infeasible": "No timing keeps the arms apart.",
+}
+
+
 def describe(cell: Cell) -> dict[str, Any]:
     """A cell in numbers, units in the keys; clearances are None for a single arm."""
     between = {}
@@ -66,7 +74,7 @@ def describe(cell: Cell) -> dict[str, Any]:
         q = [path.evaluate(share * path.length)[0] for path in cell.paths]
         between[f"clearance_at_{where}_m"] = cell.clearance.arms(q).distance if len(cell.arms) > 1 else None
     arms = []
-    for arm, path, fastest in zip(cell.arms, cell.paths, cell.fastest, strict=True):
+    for arm, path, fastest, holdable in zip(cell.arms, cell.paths, cell.fastest, cell.holdable, strict=True):
         arms.append(
             {
                 "name": arm.name,
@@ -75,10 +83,11 @@ def describe(cell: Cell) -> dict[str, Any]:
                 "base_m": arm.T_world_base[:3, 3],
                 "torque_limit_nm": arm.torque_max,
                 "speed_limit_rad_s": arm.speed_max,
-                "path_length_m": path.length,
+                f"path_length_{path.unit}": path.length,
                 "minimum_time_s": fastest.duration,
+                "holdable": holdable,
                 "torque_ratio_max": fastest.certificate.torque_ratio_max,
-                "peak_path_speed_m_s": float(fastest.mu.max()),
+                f"peak_path_speed_{path.unit}_s": float(fastest.mu.max()),
             }
         )
     charts = [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]
@@ -94,6 +103,7 @@ def describe(cell: Cell) -> dict[str, Any]:
         "obstacles": [obstacle.name for obstacle in cell.config.obstacles],
         "sequential_s": cell.sequential_makespan,
         "lower_bound_s": cell.lower_bound,
+        "priority_class": cell.priority_class if len(cell.arms) > 1 else None,
         "collision_regions": sum(chart.regions for chart in charts) if charts else None,
         "arms": arms,
     }
@@ -110,22 +120,23 @@ def _show(cell: Cell, output: Output) -> None:
         table.add_column(head)
     for head in (
         "torque limits\n\\[N m]",
-        "path\n\\[m]",
+        "path",
         "minimum\ntime \\[s]",
         "peak torque\n\\[x limit]",
-        "peak speed\n\\[m/s]",
+        "peak speed",
     ):
         table.add_column(head, justify="right")
-    for arm, entry in zip(cell.arms, facts["arms"], strict=True):
+    for arm, path, entry in zip(cell.arms, cell.paths, facts["arms"], strict=True):
+        unit = path.unit
         table.add_row(
             shown(arm.name),
             shown(arm.urdf.stem),
             ", ".join(f"{x:g}" for x in entry["base_m"]),
             ", ".join(f"{x:g}" for x in entry["torque_limit_nm"]),
-            number(entry["path_length_m"], 4),
+            f"{number(entry[f'path_length_{unit}'], 4)} {unit}",
             number(entry["minimum_time_s"], 4),
             number(entry["torque_ratio_max"], 4),
-            number(entry["peak_path_speed_m_s"], 2),
+            f"{number(entry[f'peak_path_speed_{unit}_s'], 2)} {unit}/s",
         )
     output.table(table)
     if len(cell.arms) > 1:
@@ -140,6 +151,10 @@ def _show(cell: Cell, output: Output) -> None:
         line += f"; no timing is quicker than {number(bound, 4)} s (certified)" if possible else ""
         line += "" if possible else " without regard to each other; [red]no timing at all keeps d_min (certified)[/]"
         output.say(f"{line}.")
+        output.say(CLASSES[facts["priority_class"]])
+    still = [entry["name"] for entry in facts["arms"] if not entry["holdable"]]
+    if still:
+        output.say(f"Cannot hold still everywhere on the path: {', '.join(still)}.")
     bodies = "obstacles and of the arms' own links" if cell.obstacles else "the arms' own links"
     output.say(f"Certified: the paths keep clear of {bodies}. File: {shown(cell.config.source)}")
     output.json(facts)

@@ -190,7 +190,8 @@ def velocity_control(cell: Cell, correction: Correction, title: str = "") -> Fig
         zorder=9.0,
         arrowprops={"arrowstyle": "-", "color": MUTED, "linewidth": 0.8},
     )
-    axes.set(xlabel="slave's position on its path [m]", ylabel="speed on the path μ [m/s]")
+    unit = cell.paths[1].unit
+    axes.set(xlabel=f"slave's position on its path [{unit}]", ylabel=f"speed on the path μ [{unit}/s]")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
@@ -231,7 +232,8 @@ def phase_plane(plan: Schedule, title: str = "Motions in the phase plane") -> Fi
         axes.fill_between(grid, np.minimum(limit, 2.0 * top), 2.0 * top, color="#F1F1F1", zorder=0.6)
         for line in axes.get_legend_handles_labels()[0][:1]:
             line.set_label("boundary of the feasible region")
-    axes.set(xlabel="position on the path λ [m]", ylabel="speed on the path μ [m/s]")
+    unit = cell.paths[0].unit
+    axes.set(xlabel=f"position on the path λ [{unit}]", ylabel=f"speed on the path μ [{unit}/s]")
     axes.set(xlim=(0.0, 1.01 * max(plane.length for plane in cell.planes)), ylim=(0.0, top))
     figure.legend(loc="outside lower center", ncols=3)
     return figure
@@ -256,7 +258,8 @@ def running_time(plan: Schedule, title: str = "Running time: the area under 1/μ
         axes.plot(fine, slowness, color=arm_color(i), linewidth=2.2, label=label, zorder=4.0 + i)
         middle = slowness[len(slowness) // 20 : -len(slowness) // 20]
         slowest = max(slowest, min(float(middle.max()), 6.0 * under_way / (lam[-1] - lam[0])))
-    axes.set(xlabel="position on the path λ [m]", ylabel="slowness 1/μ [s/m]")
+    unit = cell.paths[0].unit
+    axes.set(xlabel=f"position on the path λ [{unit}]", ylabel=f"slowness 1/μ [s/{unit}]")
     axes.set(xlim=(0.0, 1.01 * max(plane.length for plane in cell.planes)), ylim=(0.0, 1.15 * slowest))
     word = "1/μ grows without bound at either end,\nwhere the arms are at rest"
     note(axes, 0.5, 0.97, word, ha="center", va="top", color=MUTED)

@@ -222,8 +222,8 @@ def draw_chart(axes: Axes, cell: Cell, *, label: bool = True, pair: Pair = (0, 1
     )
     axes.grid(False)
     axes.set(
-        xlabel=f"{cell.arms[pair[0]].name}'s position on its path [m]",
-        ylabel=f"{cell.arms[pair[1]].name}'s position on its path [m]",
+        xlabel=f"{cell.arms[pair[0]].name}'s position on its path [{cell.paths[pair[0]].unit}]",
+        ylabel=f"{cell.arms[pair[1]].name}'s position on its path [{cell.paths[pair[1]].unit}]",
     )
     if label and (pixels == 2).any():
         inside = ndimage.distance_transform_edt(np.pad(pixels == 2, 1))[1:-1, 1:-1]

@@ -28,6 +28,8 @@ POLICY_COLORS = {
     "constant-speed": "#CC79A7",
     "constant-acceleration": "#E69F00",
     "phase-plane": "#56B4E9",
+    "offset": "#8C6D31",
+    "interval": "#7A4B9E",
     "random": "#3B3B3B",
 }
 ARM_COLORS = ("#24476B", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
