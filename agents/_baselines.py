@@ -4,8 +4,9 @@
 ``vci``          velocity control intervals (Lee1991 section 2.4), on line: planned anew whenever something else is seen
 than was expected
 ``random``       uniform actions
-and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``optimal``), executed by
-precedence: whoever goes second somewhere is released by how far the first *is*, not by the clock.
+and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``offset``, ``interval``,
+``optimal``), executed by precedence: whoever goes second somewhere is released by how far the first *is*, not by the
+clock. So is a plan of ``vci`` in which somebody passes first out of turn.
 
 What an agent sees tells where its own arm is, so in ``CoordinationEnv`` the observations of all agents are enough. Who
 acts for some agents only takes the other arm of a cell of two from their entries for it; of more arms the entries do
@@ -14,6 +15,7 @@ not tell which is which, and their places are taken from the environment's simul
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import final
 
 import numpy as np
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 from armtempo.agents._policy import Actions, Observations, Policy, to_action
 from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, Cell, Execution, Schedule, ScheduleExecution, VciExecution, schedule
+from armtempo.planners import METHODS, Cell, Execution, Schedule, ScheduleExecution, VciExecution, precedence, schedule
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
@@ -128,6 +130,17 @@ class SchedulePolicy:
 POLICIES = ("phase-plane", *METHODS, "random")
 
 
+def _yields_only(plan: Schedule) -> bool:
+    """Whether every arm of a plan of velocity control passes behind those before it.
+
+    Elsewhere velocity control is not safe on line, where nobody waits for an arm that goes first out of its turn: such
+    a plan, and one that fell back on another method, is executed by precedence.
+    """
+    limits = precedence(plan).limits
+    ahead = combinations(plan.order, 2)
+    return plan.fallback is None and not any(np.isfinite(limits[i, j]).any() for i, j in ahead if (i, j) in limits)
+
+
 def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
     """A baseline by name.
 
@@ -146,6 +159,5 @@ def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
         return RandomPolicy()
     if name in METHODS:
         plan = plan if plan is not None else schedule(cell, name)
-        # where velocity control has no safe plan of its own, on line it has none either
-        return VciPolicy(cell) if name == "vci" and plan.fallback is None else SchedulePolicy(plan)
+        return VciPolicy(cell) if name == "vci" and _yields_only(plan) else SchedulePolicy(plan)
     raise UnknownNameError("policy", name, POLICIES)

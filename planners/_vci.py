@@ -408,7 +408,7 @@ class VelocityControl:
             return 1.0
         loose = limit + ROUNDING * slave.length
         if not stays_behind(slave.rows, slave.edges, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
-            return command
+            return command if limit.min() < 0.0 else 0.0  # nowhere to wait; else it is a hair too far: stop
         return float(
             largest_behind(slave.rows, slave.edges, lam, mu, command, by_speed, self.period, self.checks, limit)
         )

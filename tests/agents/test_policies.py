@@ -8,7 +8,7 @@ import pytest
 from armtempo.agents import POLICIES, Observations, Policy, make_policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, Cell, Mode, build_cell, schedule
+from armtempo.planners import METHODS, Cell, Mode, benchmark_instances, build_cell, schedule
 
 SAFE = ("vci", "delay", "optimal", "sequential")
 LATE = (0.0, 0.03, 0.1, 0.15)
@@ -195,3 +195,12 @@ def test_actions_are_in_the_action_space(lee1991: Cell, name: str) -> None:
 def test_an_unknown_policy(lee1991: Cell) -> None:
     with pytest.raises(UnknownNameError, match=r"policy 'vcy'.*did you mean 'vci'.*known: "):
         make_policy("vcy", lee1991)
+
+
+@pytest.mark.parametrize("late", [0.03, 0.1, 0.15])
+def test_velocity_control_waits_at_the_very_border(late: float) -> None:
+    """The slave stops a hair from a region that begins where the master still stands."""
+    cell = next(one for one in benchmark_instances("train", family="planar") if one.index == 60).build()
+    trace = _run(cell, "vci", physics="ideal", late=late)
+    assert trace.violations == 0
+    assert trace.makespan <= schedule(cell, "vci").makespan + late + 5.0 * cell.control_period
