@@ -13,13 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import permutations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armtempo.errors import InfeasibleError
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._time_windows import Occupancy
-from armtempo.planners._timing_problem import Motions, TimingProblem
+
+if TYPE_CHECKING:
+    from armtempo.planners._timing_problem import Motions, TimingProblem
 
 RELEASE_MARGIN = 1e-5  # [s] added to a start delay, so that the motion passes beside the corner of a chart cell
 

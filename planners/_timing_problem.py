@@ -10,15 +10,18 @@ from typing import final
 
 import numpy as np
 
+from armtempo.errors import InfeasibleError
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
+from armtempo.planners._start_delays import pair_delay
 from armtempo.planners._time_windows import Runs, blocked_runs, pair_is_free
 
 Charts = Callable[[int, int], CoordinationChart]
 Motions = tuple[PhaseTrajectory, ...]
+NATURAL = 0.03  # share of the bound by which a start delay may miss it and still be the natural plan
 
 
 @final
@@ -90,8 +93,21 @@ class TimingProblem:
             elif pair_is_free(self.chart_between(i, j), self.fastest[i], self.fastest[j]):
                 classes[i, j] = "free"
             else:
-                classes[i, j] = "uniform" if any(pair.natural) else "mixed"
+                classes[i, j] = "uniform" if self._one_goes_first(i, j, pair) else "mixed"
         return MakespanBound(time=float(time), pairs=pairs, classes=classes)
+
+    def _one_goes_first(self, i: int, j: int, pair: PairBound) -> bool:
+        """Whether one arm may go first everywhere at no cost, and a start delay shows it on the planning chart too."""
+        for natural, (a, b) in zip(pair.natural, ((i, j), (j, i)), strict=True):
+            if natural:
+                first, second = self.fastest[a], self.fastest[b]
+                try:
+                    wait = pair_delay(self, a, b, first, second)
+                except InfeasibleError:  # undecided cells are in the way
+                    continue
+                if max(first.duration, second.duration + wait) <= (1.0 + NATURAL) * pair.time:
+                    return True
+        return False
 
     @cached_property
     def attainable(self) -> float:
