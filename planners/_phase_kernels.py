@@ -497,11 +497,14 @@ def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: fl
         if a < 0.0:
             a, low, high, used = -a, -high, -low, -used
         return ((low - used) / a, (high - used) / a) if a > 1e-14 else (-np.inf, np.inf)
+    at_rest = -np.inf  # the hardest braking that the row allows where the arm comes to rest, its friction gone
+    if abs(a) > 1e-14:
+        at_rest = low / a if a > 0.0 else high / a
     low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
     if band_high > band_low:  # stay on the side where the arm is
         low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
     # without a speed that is needed there the arm may come to rest before the end of the piece
-    return (low - x) / d2 if low > 0.0 else -np.inf, (high - x) / d2
+    return (low - x) / d2 if low > 0.0 else at_rest, (high - x) / d2
 
 
 @inlined
