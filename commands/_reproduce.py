@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import numpy as np
 import tyro
 
-from armtempo.commands._output import JsonFile, Output, default_folder, new_table, number, open_cell, shown
+from armtempo.commands._output import JsonFile, Output, new_table, number, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from armtempo.planners import Cell, Schedule
-
-PAPERS = ("lee1991",)
-PERIODS_MS = (0.5, 1.0, 2.0, 4.0, 5.0)  # steps dT of velocity control
 
 
 class Quantity(NamedTuple):
@@ -36,6 +31,29 @@ class Quantity(NamedTuple):
         return {**entry, "note": self.note} if self.note else entry
 
 
+class Reproduction(NamedTuple):
+    """A paper: its authors and year, every value beside ours, its figures by file name."""
+
+    source: str
+    quantities: Sequence[Quantity]
+    figures: Mapping[str, Figure]
+
+
+def _lee1991(output: Output) -> Reproduction:
+    from armtempo.commands._lee1991 import reproduce_lee1991
+
+    return reproduce_lee1991(output)
+
+
+def _lee2006(output: Output) -> Reproduction:
+    from armtempo.commands._lee2006 import reproduce_lee2006
+
+    return reproduce_lee2006(output)
+
+
+PAPERS: dict[str, Callable[[Output], Reproduction]] = {"lee1991": _lee1991, "lee2006": _lee2006}
+
+
 def reproduce(
     paper: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PAPER")],
     *,
@@ -46,7 +64,7 @@ def reproduce(
 
     Args:
         paper: lee1991: "Near-Minimum Time Trajectory Planning of Two Robots with Collision Avoidance" (Lee, Chong, Suh,
-            Choi, Lyou 1991).
+            Choi, Lyou 1991). lee2006: smoothly connected paths and their timing (Lee, Ryu, Cheong 2006).
         json_file: Write the same figures there as JSON: a list of quantity, unit, paper (null where the paper has no
             number), ours; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
@@ -54,40 +72,26 @@ def reproduce(
     from armtempo.errors import UnknownNameError
 
     if paper not in PAPERS:
-        raise UnknownNameError("paper", paper, PAPERS)
+        raise UnknownNameError("paper", paper, tuple(PAPERS))
     from armtempo.commands._plot import draw
-    from armtempo.planners import METHODS, schedule
 
     output = Output(json_file)
-    cell = open_cell(paper, output)
-    plans: dict[str, Schedule] = {}
-    by_period: dict[float, Schedule] = {}
-    with output.progress("Planning", len(METHODS) + len(PERIODS_MS)) as (progress, task):
-        for method in METHODS:
-            plans[method] = schedule(cell, method)
-            progress.advance(task)
-        for period in PERIODS_MS:
-            by_period[period] = schedule(cell, "vci", period=1e-3 * period)
-            progress.advance(task)
-    with output.progress("Comparing"):
-        quantities = lee1991_quantities(cell, plans, by_period)
-    _tabulate(quantities, output)
-    output.json([quantity.to_dict() for quantity in quantities])
-    with output.progress("Drawing"):
-        figures = lee1991_figures(cell, plans)
-    folder = default_folder(cell, out)
-    output.pictures(folder, draw(figures, folder, output))
+    found = PAPERS[paper](output)
+    _tabulate(found, output)
+    output.json([quantity.to_dict() for quantity in found.quantities])
+    folder = Path("results") / paper if out is None else out
+    output.pictures(folder, draw(found.figures, folder, output))
 
 
-def _tabulate(quantities: list[Quantity], output: Output) -> None:
-    table = new_table("Lee, Chong, Suh, Choi, Lyou (1991): the paper beside ours", "– : the paper prints no number")
+def _tabulate(found: Reproduction, output: Output) -> None:
+    table = new_table(f"{found.source}: the paper beside ours", "– : the paper prints no number")
     table.add_column("quantity")
     table.add_column("unit")
     table.add_column("paper", justify="right")
     table.add_column("ours", justify="right")
     table.add_column("note", style="dim")
     section = ""
-    for quantity in quantities:
+    for quantity in found.quantities:
         if quantity.section != section:
             section = quantity.section
             table.add_section()
@@ -101,188 +105,3 @@ def _tabulate(quantities: list[Quantity], output: Output) -> None:
             shown(quantity.note),
         )
     output.table(table)
-
-
-def _path_values(cell: Cell) -> list[Quantity]:
-    """Table 1, read off the joint paths through the arms' own kinematics."""
-    printed = {
-        "master": {"start": (0.40, 0.35), "end": (0.40, 0.05), "centre": (0.25, 0.20)},
-        "slave": {"start": (0.45, 0.35), "end": (0.45, 0.05), "centre": (0.60, 0.20)},
-    }
-    values = []
-    for arm, path in zip(cell.arms, cell.paths, strict=True):
-        points = arm.tip_pose(path.evaluate(np.linspace(0.0, path.length, 5))[0])[:, :2, 3]
-        # Circle through the points: x^2 + y^2 = 2 x c_x + 2 y c_y + (r^2 - c^2)
-        rows = np.column_stack([2.0 * points, np.ones(len(points))])
-        solution = np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=None)[0]
-        centre = solution[:2]
-        ours = {"start": points[0], "end": points[-1], "centre": centre}
-        for what, place in printed[arm.name].items():
-            for k, axis in enumerate("xy"):
-                values.append(
-                    Quantity("Table 1: paths", f"{arm.name}'s {what}, {axis}", "m", place[k], float(ours[what][k]))
-                )
-        radius = float(np.sqrt(solution[2] + centre @ centre))
-        values.append(
-            Quantity(
-                "Table 1: paths",
-                f"radius of the {arm.name}'s path",
-                "m",
-                0.2121,
-                radius,
-                note="follows from its points",
-            )
-        )
-        values.append(Quantity("Table 1: paths", f"length of the {arm.name}'s path", "m", None, path.length))
-    return values
-
-
-def _arm_values(cell: Cell) -> list[Quantity]:
-    """The appendix, computed from the URDF's masses and lengths."""
-    section = "Appendix: arm"
-    arm = cell.arms[0]
-    straight, folded = arm.mass_matrix(np.array([[0.0, 0.0], [0.0, np.pi]]))
-    constant, cosine = 0.5 * (straight + folded), 0.5 * (straight - folded)
-    bent = np.array([0.0, 0.5 * np.pi])
-
-    def velocity_torque(*speeds: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-        still = arm.inverse_dynamics(bent, np.zeros(2), np.zeros(2), friction=False)
-        return arm.inverse_dynamics(bent, np.array(speeds), np.zeros(2), friction=False) - still
-
-    first, second, both = velocity_torque(1.0, 0.0), velocity_torque(0.0, 1.0), velocity_torque(1.0, 1.0)
-    twice = "the print also has 0.3405"
-    slip = "the print also has 0.0795"
-    return [
-        Quantity(section, "length of link 1", "m", 0.37, float(np.linalg.norm(arm.model.placement_p[1]))),
-        Quantity(section, "length of link 2", "m", 0.23, float(np.linalg.norm(arm.model.tip_p))),
-        Quantity(section, "torque limit of joint 1", "N m", 25.0, float(arm.torque_max[0]), 1),
-        Quantity(section, "torque limit of joint 2", "N m", 7.0, float(arm.torque_max[1]), 1),
-        Quantity(section, "U1: θ1'', constant", "kg m^2", 0.8608, float(constant[0, 0])),
-        Quantity(section, "U1: θ1'', cos θ2", "kg m^2", 0.3404, float(cosine[0, 0]), note=twice),
-        Quantity(section, "U1: θ2'', constant", "kg m^2", 0.07905, float(constant[0, 1]), 5, note=slip),
-        Quantity(section, "U1: θ2'', cos θ2", "kg m^2", 0.1702, float(cosine[0, 1])),
-        Quantity(section, "U1: θ1' θ2', sin θ2", "kg m^2", -0.3404, float((both - first - second)[0]), note=twice),
-        Quantity(section, "U1: θ2'^2, sin θ2", "kg m^2", -0.1702, float(second[0])),
-        Quantity(section, "U2: θ1'', constant", "kg m^2", 0.07905, float(constant[1, 0]), 5, note=slip),
-        Quantity(section, "U2: θ1'', cos θ2", "kg m^2", 0.1702, float(cosine[1, 0])),
-        Quantity(section, "U2: θ2'', constant", "kg m^2", 0.07905, float(constant[1, 1]), 5, note=slip),
-        Quantity(section, "U2: θ1'^2, sin θ2", "kg m^2", 0.1702, float(first[1])),
-        Quantity(
-            section, "U2: θ1' θ2', sin θ2", "kg m^2", None, float((both - first - second)[1]), note="printed: a slip"
-        ),
-    ]
-
-
-def lee1991_quantities(cell: Cell, plans: dict[str, Schedule], by_period: dict[float, Schedule]) -> list[Quantity]:
-    """Every number of the paper, and what it leaves out, beside ours.
-
-    Args:
-        cell: The bundled ``lee1991``.
-        plans: Its schedules by method.
-        by_period: Its ``vci`` schedules by step dT [ms].
-    """
-    times, choice, more = "Section 3: times", "Not printed: chosen here", "Beyond the paper"
-    sequential = plans["sequential"].makespan
-    vci = plans["vci"]
-    values = _path_values(cell) + _arm_values(cell)
-    values += [
-        Quantity(
-            times,
-            f"minimum time of the {arm.name} alone",
-            "s",
-            0.295,
-            fastest.duration,
-            note="half of the printed 0.59",
-        )
-        for arm, fastest in zip(cell.arms, cell.fastest, strict=True)
-    ]
-    values.append(Quantity(times, "one arm after the other", "s", 0.59, sequential))
-    values += [
-        Quantity(times, f"slave's finish by VCI, step {period:g} ms", "s", 0.33, plan.makespan, note="step not printed")
-        for period, plan in by_period.items()
-    ]
-    saved = 100.0 * (1.0 - vci.makespan / sequential)
-    quickest = 100.0 * (1.0 - min(plan.makespan for plan in by_period.values()) / sequential)
-    step = 1e3 * cell.control_period
-    values += [
-        Quantity(
-            times, f"time saved by VCI, step {step:g} ms", "%", 45.0, saved, 1, "0.33 s against 0.59 s are 44.1 %"
-        ),
-        Quantity(times, "time saved by VCI, best step above", "%", 45.0, quickest, 1),
-    ]
-    for arm in cell.arms:
-        values.append(Quantity(choice, f"{arm.name}'s base, x", "m", None, float(arm.T_world_base[0, 3]), 3))
-        values.append(Quantity(choice, f"{arm.name}'s base, y", "m", None, float(arm.T_world_base[1, 3]), 3))
-    radius = float(cell.arms[0].capsules.radius.max())
-    values += [
-        Quantity(choice, "d_min between surfaces", "m", None, cell.d_min, 4),
-        Quantity(choice, "d_min between centre lines", "m", None, cell.d_min + 2.0 * radius, 4, "links of 5 mm radius"),
-        Quantity(more, "certified lower bound", "s", None, cell.lower_bound),
-        Quantity(more, "delayed start ('method 1')", "s", None, plans["delay"].makespan, note="optimal in this class"),
-        Quantity(more, "optimal ('method 2')", "s", None, plans["optimal"].makespan),
-        Quantity(
-            more,
-            "constant speed, delayed",
-            "s",
-            None,
-            plans["constant-speed"].makespan,
-            note="what the paper compares with",
-        ),
-        Quantity(
-            more,
-            "constant acceleration, delayed",
-            "s",
-            None,
-            plans["constant-acceleration"].makespan,
-            note="what the paper compares with",
-        ),
-        Quantity(
-            more, "time saved by the optimum", "%", None, 100.0 * (1.0 - plans["optimal"].makespan / sequential), 1
-        ),
-        Quantity(more, f"VCI's gap to the bound, step {step:g} ms", "%", None, vci.gap_percent, 2),
-        Quantity(more, "smallest clearance by VCI", "m", None, vci.certificate.min_clearance, 5, "FCL, every 0.2 ms"),
-        Quantity(
-            more,
-            "largest torque by VCI",
-            "x limit",
-            None,
-            vci.certificate.torque_ratio_max,
-            5,
-            "10 samples an interval",
-        ),
-        Quantity(more, "collision regions in the chart", "1", None, float(cell.chart.regions), 0),
-    ]
-    return values
-
-
-def lee1991_figures(cell: Cell, plans: dict[str, Schedule]) -> dict[str, Figure]:
-    """Figs. 1 to 8 of the paper from our data, then torque and clearance over time, by file name."""
-    from armtempo.commands import _phase_figures, _space_figures, _time_figures
-
-    vci = plans["vci"]
-    figures = {
-        "fig1_collision_interval": _space_figures.collision_interval(
-            cell, title="Fig. 1  Collision interval in the common workspace"
-        ),
-        "fig2_coordination_chart": _space_figures.coordination_chart(cell, title="Fig. 2  Coordination chart"),
-    }
-    cases: tuple[tuple[Literal[3, 4], str], ...] = ((3, "last step adjusted"), (4, "earlier step adjusted"))
-    for case, name in cases:
-        correction = _phase_figures.find_correction(cell, case)
-        if correction is not None:
-            figures[f"fig{case}_vci_{name.split()[0]}_step"] = _phase_figures.velocity_control(
-                cell, correction, f"Fig. {case}  Modified trajectory of the slave: {name}"
-            )
-    figures |= {
-        "fig5_workspace": _space_figures.workspace(cell, "Fig. 5  Two robots in a common workspace"),
-        "fig6_phase_plane": _phase_figures.phase_plane(
-            vci, "Fig. 6  Trajectories of the two robots in the phase plane"
-        ),
-        "fig7_relative_trajectory": _space_figures.relative_trajectories(
-            cell, plans, "vci", "Fig. 7  Relative trajectory in the coordination chart"
-        ),
-        "fig8_running_time": _phase_figures.running_time(vci, "Fig. 8  Running time: the area under 1/μ"),
-        "torque": _time_figures.torques(vci, title="Torques over time: vci"),
-        "clearance": _time_figures.clearances(cell, plans, emphasised="vci"),
-    }
-    return figures

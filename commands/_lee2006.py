@@ -1,0 +1,167 @@
+"""The values and figures of Lee, Ryu, Cheong (2006), beside ours. The paper's unit of length is the millimetre."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.commands._reproduce import Quantity, Reproduction
+
+if TYPE_CHECKING:
+    from armtempo.commands._output import Output
+    from armtempo.planners import Blend, BlendCell
+
+Array = NDArray[np.float64]
+
+MM = 1e3  # per metre
+TICK = 0.002  # [s] the paper's control period, which it does not print; all its instants are multiples of it
+REMAINING_MM = (30.0, 25.0, 20.0, 15.0)  # Table 2, Figs. 3, 5, 6
+TABLE2 = {  # L_s / L_r by column: (printed, angle [deg], what alpha is)
+    "α = 30, 90°": ((0.530, 0.495, 0.443, 0.354), 90.0, lambda remaining: 30.0 / remaining),
+    "α = L_r, 90°": ((0.530,) * 4, 90.0, lambda remaining: 1.0),
+    "α = L_r, 45°": ((0.693,) * 4, 45.0, lambda remaining: 1.0),
+}
+WINDOWS = (0.356, 0.628, 0.982, 1.254)  # [s] when the blends begin and end
+
+
+class Run(NamedTuple):
+    """The paper's simulation, sampled at its ticks."""
+
+    time: Array  # (T,) [s]
+    s: Array  # (T,) travelled length [m]
+    v: Array  # (T,) line speed [m/s]
+    a: Array  # (T,) line acceleration [m/s^2]
+    p: Array  # (T, 3) exact positions [m]
+    velocity: Array  # (T, 3) [m/s]
+    acceleration: Array  # (T, 3) [m/s^2]
+    mapped: Array  # (T, 3) positions by the paper's mapping [m]
+    q: Array  # (T, 4) joints [rad, m]
+    qd: Array
+    qdd: Array
+
+
+def corner(angle_deg: float, remaining: float, shape_factor: float) -> Blend:
+    """The blend of two lines that meet at the origin under an angle, the first along x; lengths in the same unit."""
+    from armtempo.planners import Line, blend
+
+    turned = math.radians(angle_deg)
+    far = 2.0 * remaining * np.array([math.cos(turned), math.sin(turned), 0.0])
+    return blend(Line([2.0 * remaining, 0.0, 0.0], np.zeros(3)), Line(np.zeros(3), far), remaining, shape_factor)
+
+
+def run(cell: BlendCell) -> Run:
+    """The paper's run at its ticks: profile and mapping of the paper beside the exact one."""
+    from armtempo.planners import PredictorCorrector
+
+    profile, path = cell.line_speed_profile, cell.cartesian
+    time = np.arange(0.0, profile.duration + TICK, TICK)
+    s, v, a, _ = profile.at(time)
+    p, tangent, curvature = path.evaluate(s)
+    q, dq, ddq = cell.paths[0].evaluate(s)
+    return Run(
+        time, s, v, a, p, tangent * v[:, None], curvature * (v**2)[:, None] + tangent * a[:, None],
+        PredictorCorrector(path).positions(s), q, dq * v[:, None], ddq * (v**2)[:, None] + dq * a[:, None],
+    )  # fmt: skip
+
+
+def reproduce_lee2006(output: Output) -> Reproduction:
+    """Blends, mapping and the SCARA simulation of the paper."""
+    from armtempo.commands._lee2006_figures import lee2006_figures
+    from armtempo.planners import load_blend_cell
+
+    with output.progress("Loading lee2006 (compiles once after installation)"):
+        cell = load_blend_cell("lee2006")
+        sampled = run(cell)
+    with output.progress("Comparing"):
+        quantities = [*_table2(), *_shape(), *_simulation(cell, sampled), *_beyond(cell, sampled)]
+    with output.progress("Drawing"):
+        figures = lee2006_figures(cell, sampled)
+    return Reproduction("Lee, Ryu, Cheong (2006)", quantities, figures)
+
+
+def _table2() -> list[Quantity]:
+    values = []
+    for column, (printed, angle, factor) in TABLE2.items():
+        for remaining, gamma in zip(REMAINING_MM, printed, strict=True):
+            ours = corner(angle, remaining, factor(remaining)).deviation / remaining
+            slip = "0.44194: the print rounds up" if gamma == 0.443 else ""
+            values.append(Quantity("Table 2: γ = L_s / L_r", f"{column}, L_r = {remaining:g} mm", "1", gamma, ours, 3, slip))
+    return values
+
+
+def _shape() -> list[Quantity]:
+    section = "Curvature where a blend begins (90°, L_r = 150 mm)"
+    values = []
+    for factor, note in ((1.0, "jumps"), (2.0, "jumps"), (3.0, "exactly continuous, at every angle: a theorem")):
+        _, _, bend = corner(90.0, 150.0, factor).evaluate(0.0)
+        values.append(Quantity(section, f"λ = {factor:g}", "1/m", None, MM * float(np.linalg.norm(bend)), 6, note))
+    values.append(
+        Quantity(section, "length of the blend, λ = 3", "mm", None, corner(90.0, 150.0, 3.0).length, 4, "1.80214 L_r")
+    )
+    return values
+
+
+def _simulation(cell: BlendCell, sampled: Run) -> list[Quantity]:
+    section = "Section IV: SCARA simulation"
+    path, profile = cell.cartesian, cell.line_speed_profile
+    ends = path.breakpoints
+    names = ("line", "first blend", "line", "second blend", "arc")
+    values = [
+        Quantity(section, f"length of the {name}", "mm", None, MM * float(length), 2)
+        for name, length in zip(names, np.diff(ends), strict=True)
+    ]
+    instants = [float(profile.time_at(float(s))) for s in ends[1:-1]]
+    whats = ("first blend begins", "first blend ends", "second blend begins", "second blend ends")
+    for k, (what, paper, ours) in enumerate(zip(whats, WINDOWS, instants, strict=True)):
+        values.append(Quantity(section, what, "s", paper, ours, 4, "one sample more at each joint of its pieces, it seems:"))
+        values.append(Quantity(section, f"  with {k + 3} samples of 2 ms twice", "s", paper, ours + TICK * (k + 3), 4))
+    values += [
+        Quantity(section, "duration of the first blend", "s", 0.272, instants[1] - instants[0]),
+        Quantity(section, "duration of the line between", "s", None, instants[2] - instants[1]),
+        Quantity(section, "duration of the second blend", "s", 0.272, instants[3] - instants[2]),
+        Quantity(section, "duration of the run", "s", None, profile.duration),
+        Quantity(section, "largest acceleration of the ramp", "mm/s²", None, MM * float(np.abs(sampled.a).max()), 1,
+                 "5000 is its mean"),
+    ]  # fmt: skip
+    for k, (first, last) in enumerate(((1, 2), (3, 4)), start=1):
+        within = (sampled.s > ends[first]) & (sampled.s < ends[last])
+        error = MM * differenced_error(sampled.mapped, sampled.s)[within[1:]]
+        values.append(
+            Quantity(section, f"line-speed error in blend {k}, the paper's mapping", "mm/s", -0.4,
+                     float(error[np.abs(error).argmax()]), 2, "of differenced points: a quarter of it is chord against arc")
+        )  # fmt: skip
+    return values
+
+
+def differenced_error(points: Array, s: Array) -> Array:
+    """(T-1,) what the speed from point to point differs from that along the path [m/s]."""
+    return (np.linalg.norm(np.diff(points, axis=0), axis=1) - np.diff(s)) / TICK
+
+
+def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
+    section = "Not printed"
+    path, limits = cell.cartesian, cell.limits
+    aware = cell.limit_aware_profile
+    exact = MM * differenced_error(sampled.p, sampled.s)
+    normal = np.linalg.norm(sampled.acceleration - sampled.velocity * (sampled.a / np.maximum(sampled.v, 1e-12))[:, None], axis=1)
+    return [
+        Quantity(section, "largest error of differenced points, exact mapping", "mm/s", None,
+                 float(exact[np.abs(exact).argmax()]), 3, "all of it chord against arc"),
+        Quantity(section, "largest normal acceleration", "mm/s²", None, MM * float(normal.max()), 0,
+                 "five times the limit along the path: constant speed has its price"),
+        Quantity(section, "largest joint speed", "rad/s", None, float(np.abs(sampled.qd[:, :2]).max()), 2),
+        Quantity(section, "largest joint acceleration", "rad/s²", None, float(np.abs(sampled.qdd[:, :2]).max()), 1),
+        Quantity(section, "duration with all limits kept (limit-aware)", "s", None, aware.duration, 4,
+                 f"normal acceleration {limits.normal_acceleration:g} m/s², vector jerk {limits.jerk:g} m/s³"),
+        Quantity(section, "curvature jump at the arc, cubic", "1/m", None, _jump(path, 4), 6, "2 / (3 R): a quintic has none"),
+    ]  # fmt: skip
+
+
+def _jump(path: object, joint: int) -> float:
+    s = path.breakpoints[joint]  # type: ignore[attr-defined]
+    _, _, before = path.evaluate(s, before=True)  # type: ignore[attr-defined]
+    _, _, after = path.evaluate(s)  # type: ignore[attr-defined]
+    return float(np.linalg.norm(after - before))
