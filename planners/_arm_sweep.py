@@ -90,7 +90,8 @@ class ArmSweep:
     def _slack(self, points: list[Array]) -> Array:
         """(samples, shapes): how far a point may be from where the nearest sample has it."""
         model = self.arm.model
-        offsets = np.linalg.norm(model.placement_p, axis=1)
+        out = np.abs(self.q).max(axis=0) + 0.5 * self.step * self.speed.max(axis=0)
+        offsets = np.linalg.norm(model.placement_p, axis=1) + np.where(model.prismatic, out, 0.0)  # slides lengthen it
         lever = np.zeros((self.arm.dof, len(points)))
         for k, own in enumerate(points):
             link = int(self.arm.capsules.link[k])
