@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -63,7 +64,7 @@ def bench_coordination(
             progress.update(task, description=f"Planning {instance.name}")
             cell = instance.build()
             results += bench_cell(cell, instance.labels, methods, engine=engine, family=instance.family)
-            if abs(cell.lower_bound - instance.labels.lower_bound) > 1e-6 * cell.lower_bound:
+            if not math.isclose(cell.lower_bound, instance.labels.lower_bound, rel_tol=1e-6):
                 changed.append(instance.name)
             progress.advance(task)
     claims = bench_claims(results)

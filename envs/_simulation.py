@@ -132,7 +132,7 @@ class Simulation:
         if physics == "ideal":
             below = cell.d_min + IDEAL_FCL_BELOW
             for i, j in combinations(range(arms), 2):
-                tables.append((i, j, clearance_table(cell.clearance, i, j, cell.arms, cell.paths, below)))
+                tables.append((i, j, clearance_table(i, j, cell.arms, cell.paths, below)))
         self._world = pack(cell, mode, tables)
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._starts = np.zeros((arms, width))

@@ -66,7 +66,7 @@ class ArmSweep:
         """(2 finest + 1, shapes, 2, 3) world ends of the enclosing capsules' axes at every centre and border."""
         capsules = self.arm.capsules
         out = np.empty((2 * self.finest + 1, len(capsules.link), 2, 3))
-        _world_axes(self.poses, self.base, capsules.link, np.stack([capsules.p0, capsules.p1], axis=1), out)
+        world_axes(self.poses, self.base, capsules.link, np.stack([capsules.p0, capsules.p1], axis=1), out)
         return out
 
     def _levels(self, points: list[Array]) -> dict[int, Array]:
@@ -120,7 +120,8 @@ def swept_displacements(arm: Arm, path: JointPath, finest: int) -> dict[int, Arr
 
 
 @njit
-def _world_axes(poses: Array, base: Array, link: Ints, local: Array, out: Array) -> None:
+def world_axes(poses: Array, base: Array, link: Ints, local: Array, out: Array) -> None:
+    """World ends of the capsules' axes at len(out) of the poses, equally spaced from the first to the last."""
     per = (poses.shape[0] - 1) // (out.shape[0] - 1)
     for m in range(out.shape[0]):
         for k in range(link.shape[0]):

@@ -130,4 +130,4 @@ def test_a_diagonal_curve(benchmark: Any, panda_pair: Callable[[int], Pair]) -> 
 def test_clearance_table(benchmark: Any, panda_pair: Callable[[int], Pair]) -> None:
     arms, paths = panda_pair(4)
     clearance = Clearance(arms)
-    benchmark.pedantic(clearance_table, (clearance, 0, 1, arms, paths, 0.06), rounds=2, warmup_rounds=1)
+    benchmark.pedantic(clearance_table, (0, 1, arms, paths, 0.06), rounds=2, warmup_rounds=1)

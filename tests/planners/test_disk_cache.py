@@ -128,9 +128,9 @@ def test_keys_tell_content_apart() -> None:
 def test_tables_go_by_the_same_door(panda_pair: Callable[[int], Pair], folder: Path) -> None:
     arms, paths = panda_pair(1)
     clearance = Clearance(arms)
-    first = clearance_table(clearance, 0, 1, arms, paths, 0.03)
+    first = clearance_table(0, 1, arms, paths, 0.03)
     (file,) = folder.iterdir()
     assert file.name.startswith("clearance-")
-    again = clearance_table(clearance, 0, 1, arms, paths, 0.03)
+    again = clearance_table(0, 1, arms, paths, 0.03)
     assert again.distance.tobytes() == first.distance.tobytes()
     assert len(list(folder.iterdir())) == 1
