@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from armtempo.agents._baselines import (
     POLICIES,
+    ExecutionPolicy,
     PhasePlanePolicy,
     RandomPolicy,
-    SchedulePolicy,
-    VciPolicy,
     make_policy,
 )
 from armtempo.agents._evaluate import Evaluation, PolicyResult, evaluate, run_episode
@@ -18,12 +17,11 @@ __all__ = [
     "Actions",
     "Evaluation",
     "Observations",
+    "ExecutionPolicy",
     "PhasePlanePolicy",
     "Policy",
     "PolicyResult",
     "RandomPolicy",
-    "SchedulePolicy",
-    "VciPolicy",
     "evaluate",
     "make_policy",
     "run_episode",

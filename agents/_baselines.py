@@ -15,7 +15,8 @@ not tell which is which, and their places are taken from the environment's simul
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Callable
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from armtempo.agents._policy import Actions, Observations, Policy, to_action
 from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, Cell, Execution, Schedule, ScheduleExecution, VciExecution, precedence, schedule
+from armtempo.planners import METHODS, Cell, Execution, Mode, Schedule, execution_of, schedule
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
@@ -52,11 +53,6 @@ def _states(observations: Observations, env: CoordinationEnv) -> tuple[NDArray[n
             row = seen[1 - arm]
             lam[arm], mu[arm] = _position(cell, arm, float(row[_OTHER["progress"]]), float(row[_OTHER["speed"]]))
     return lam, mu
-
-
-def _act(execution: Execution, observations: Observations, env: CoordinationEnv) -> Actions:
-    commands = execution.commands(*_states(observations, env))
-    return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
 @final
@@ -88,57 +84,30 @@ class RandomPolicy:
 
 
 @final
-class VciPolicy:
-    """The first arm in minimum time, the others by velocity control intervals, on line (see ``VciExecution``)."""
+class ExecutionPolicy:
+    """Acts by an execution of the planners, made anew where the meaning of a command changes.
 
-    def __init__(self, cell: Cell) -> None:
-        self._cell = cell
-        self._execution: VciExecution | None = None
+    Args:
+        make: Gives it for a mode: ``partial(execution_of, plan)``, ``partial(VciExecution, cell)``.
+    """
 
-    def reset(self, seed: int | None = None) -> None:
-        """Forget the plans."""
-        if self._execution is not None:
-            self._execution.reset()
-
-    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
-        """Full speed for the first arm; for the others their planned commands, guarded."""
-        if self._execution is None or self._execution.mode != env.mode:
-            self._execution = VciExecution(self._cell, env.mode)
-        return _act(self._execution, observations, env)
-
-
-@final
-class SchedulePolicy:
-    """Executes a schedule by precedence (see ``ScheduleExecution``)."""
-
-    def __init__(self, plan: Schedule) -> None:
-        self.plan = plan
-        self._execution: ScheduleExecution | None = None
+    def __init__(self, make: Callable[[Mode], Execution]) -> None:
+        self._make = make
+        self._mode: Mode | None = None
 
     def reset(self, seed: int | None = None) -> None:
-        """Set the clocks of the plan back."""
-        if self._execution is not None:
-            self._execution.reset()
+        """Forget the episode."""
+        self._mode = None
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
-        """For every arm the command that brings it to, not past, its planned place at the end of the period."""
-        if self._execution is None or self._execution.mode != env.mode:
-            self._execution = ScheduleExecution(self.plan, env.mode)
-        return _act(self._execution, observations, env)
+        """The execution's commands, for those who act."""
+        if self._mode != env.mode:
+            self._execution, self._mode = self._make(env.mode), env.mode
+        commands = self._execution.commands(*_states(observations, env))
+        return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
 POLICIES = ("phase-plane", *METHODS, "random")
-
-
-def _yields_only(plan: Schedule) -> bool:
-    """Whether every arm of a plan of velocity control passes behind those before it.
-
-    Elsewhere velocity control is not safe on line, where nobody waits for an arm that goes first out of its turn: such
-    a plan, and one that fell back on another method, is executed by precedence.
-    """
-    limits = precedence(plan).limits
-    ahead = combinations(plan.order, 2)
-    return plan.fallback is None and not any(np.isfinite(limits[i, j]).any() for i, j in ahead if (i, j) in limits)
 
 
 def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
@@ -159,5 +128,5 @@ def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
         return RandomPolicy()
     if name in METHODS:
         plan = plan if plan is not None else schedule(cell, name)
-        return VciPolicy(cell) if name == "vci" and _yields_only(plan) else SchedulePolicy(plan)
+        return ExecutionPolicy(partial(execution_of, plan))
     raise UnknownNameError("policy", name, POLICIES)

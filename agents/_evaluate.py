@@ -150,12 +150,16 @@ def evaluate(
     try:
         results, refused = {}, {}
         for name in chosen:
+            began = time.perf_counter()
             try:
-                results[name] = _evaluate_one(env, name, episodes, seed, on_episode)
+                plan = schedule(cell, name) if name in METHODS else None
             except InfeasibleError as error:
                 if policies is not None:
                     raise
                 refused[name] = str(error)
+                continue
+            planning = time.perf_counter() - began if plan is not None else None
+            results[name] = _evaluate_one(env, name, plan, planning, episodes, seed, on_episode)
     finally:
         env.close()
     return Evaluation(
@@ -171,12 +175,15 @@ def evaluate(
 
 
 def _evaluate_one(
-    env: CoordinationEnv, name: str, episodes: int, seed: int, on_episode: Callable[[str, int], None] | None
+    env: CoordinationEnv,
+    name: str,
+    plan: Schedule | None,
+    planning: float | None,
+    episodes: int,
+    seed: int,
+    on_episode: Callable[[str, int], None] | None,
 ) -> PolicyResult:
     cell = env.cell
-    began = time.perf_counter()
-    plan = schedule(cell, name) if name in METHODS else None
-    planning = time.perf_counter() - began if plan is not None else None
     policy = make_policy(name, cell, plan)
     traces, rewards = [], []
     for episode in range(episodes):

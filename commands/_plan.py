@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands._output import CellName, JsonFile, Output, new_table, number, open_cell, plan_all
+from armtempo.commands._output import CellName, JsonFile, Output, new_table, number, open_cell, plan_all, shown
 
 if TYPE_CHECKING:
     from armtempo.planners import Cell, Schedule
@@ -70,7 +70,7 @@ def plan(
     best = min(entry["makespan_s"] for entry in entries.values())
     for name, entry in entries.items():
         table.add_row(
-            name,
+            name if entry["fallback"] is None else f"{name} (by {entry['fallback']})",
             number(entry["makespan_s"], 4),
             number(entry["saving_percent"], 1),
             number(entry["gap_percent"], 2),
@@ -83,8 +83,6 @@ def plan(
         )
     output.table(table)
     for name, refusal in refusals.items():
-        from armtempo.commands._output import shown
-
         output.say(f"[red]{name} has no plan:[/] {shown(refusal)}")
     files = [] if export is None else _export(built, schedules, export, period, export_format, output)
     output.json(
@@ -105,21 +103,20 @@ def _check_period(option: str, period: float | None, example: str) -> None:
     """Refuse a period that is no step, before anything is computed.
 
     Raises:
-        InfeasibleError: It is not a positive number of seconds.
+        InputError: It is not a positive number of seconds.
     """
     import math
 
-    from armtempo.errors import InfeasibleError
+    from armtempo.errors import InputError
 
     if period is not None and not (math.isfinite(period) and period > 0.0):
-        raise InfeasibleError(f"{option} must be a positive number of seconds, got {period}", remedy=f"try {example}")
+        raise InputError(f"{option} must be a positive number of seconds, got {period}", remedy=f"try {example}")
 
 
 def _export(
     cell: Cell, schedules: dict[str, Schedule], folder: Path, period: float, suffix: str, output: Output
 ) -> list[Path]:
     """Write one file per method and arm; the files."""
-    from armtempo.commands._output import shown
     from armtempo.planners import write_trajectory
 
     files = []
@@ -143,7 +140,8 @@ def _entry(cell: Cell, schedule: Schedule, seconds: float) -> dict[str, Any]:
         "torque_ratio_max": certificate.torque_ratio_max,
         "speed_ratio_max": certificate.speed_ratio_max,
         "certified_free": certificate.certified_free,
-        "end_error_m": certificate.end_error,
+        "end_error_lambda": certificate.end_error,
+        "fallback": schedule.fallback,
         "arrival_s": {arm.name: motion.duration for arm, motion in zip(cell.arms, schedule.trajectories, strict=True)},
         "order": [cell.arms[i].name for i in schedule.order],
         "planning_time_s": seconds,

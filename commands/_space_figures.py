@@ -131,6 +131,7 @@ def collision_interval(
         pair: Master and slave.
     """
     chart, (master, slave) = cell.chart_between(*pair), pair
+    unit, other = cell.paths[master].unit, cell.paths[slave].unit
     lam = widest_collision(chart) if lam is None else lam
     figure = new_figure(7.2, 4.0)
     axes = _space_axes(figure, title)
@@ -138,7 +139,9 @@ def collision_interval(
     _draw_arm(axes, cell, master, lam)
     q = _tip(cell, master, np.array(lam))
     handles = [
-        Line2D([], [], color=arm_color(master), linewidth=4.5, label=f"{cell.arms[master].name} at Q = {lam:.3f} m"),
+        Line2D(
+            [], [], color=arm_color(master), linewidth=4.5, label=f"{cell.arms[master].name} at Q = {lam:.3f} {unit}"
+        ),
     ]
     for p1, p2 in chart.collision_interval(lam):
         for k, p in enumerate((p1, min(p2, cell.paths[slave].length))):
@@ -169,7 +172,7 @@ def collision_interval(
             )
         )
         handles.append(
-            Line2D([], [], color="#B00020", linewidth=6.0, label=f"collision interval [{p1:.3f}, {p2:.3f}] m")
+            Line2D([], [], color="#B00020", linewidth=6.0, label=f"collision interval [{p1:.3f}, {p2:.3f}] {other}")
         )
     axes.annotate(
         "Q",
@@ -238,6 +241,7 @@ def coordination_chart(
 ) -> Figure:
     """Where two arms collide; P1 and P2 of the slave with the master at Q (Lee1991 Fig. 2)."""
     chart, (master, slave) = cell.chart_between(*pair), pair
+    unit, other = cell.paths[master].unit, cell.paths[slave].unit
     lam = widest_collision(chart) if lam is None else lam
     figure = new_figure(6.4, 5.2)
     axes = figure.add_subplot(title=title)
@@ -247,7 +251,7 @@ def coordination_chart(
         [lam, lam], [0.0, chart.length_b], color=arm_color(master), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0
     )
     axes.annotate(
-        f"Q = {lam:.3f} m",
+        f"Q = {lam:.3f} {unit}",
         (lam, 0.0),
         (5, 6),
         textcoords="offset points",
@@ -258,8 +262,8 @@ def coordination_chart(
     for p1, p2 in intervals:
         axes.plot([lam, lam], [p1, p2], color="#B00020", linewidth=4.0, zorder=4.0, solid_capstyle="butt")
         for p, word, va, dy in (
-            (p1, f"P1 = {p1:.3f} m: collision point", "top", -4),
-            (p2, f"P2 = {p2:.3f} m", "bottom", 4),
+            (p1, f"P1 = {p1:.3f} {other}: collision point", "top", -4),
+            (p2, f"P2 = {p2:.3f} {other}", "bottom", 4),
         ):
             axes.plot([0.0, lam], [p, p], color=arm_color(slave), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0)
             axes.plot(lam, p, "o", color="#B00020", markersize=6, zorder=5.0)
@@ -273,7 +277,7 @@ def coordination_chart(
                 path_effects=HALO,
                 zorder=9.0,
             )
-    undecided = f"undecided, cells of {1e3 * chart.step_a:.2g} mm\n({100 * chart.share(1):.2g} % of the chart)"
+    undecided = f"undecided, cells of {chart.step_a:.2g} {unit}\n({100 * chart.share(1):.2g} % of the chart)"
     handles = [
         Patch(facecolor="white", edgecolor=FAINT, label="free"),
         Patch(facecolor=FORBIDDEN, label=f"collision region:\ncloser than {1e3 * chart.d_min:.4g} mm"),

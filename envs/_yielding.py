@@ -15,7 +15,7 @@ from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, Execution, Mode, ScheduleExecution, VciExecution, schedule
+from armtempo.planners import METHODS, Cell, Execution, Mode, execution_of, schedule
 
 
 @final
@@ -167,8 +167,6 @@ def _others(cell: Cell, others: str | Execution | None, mode: Mode) -> Execution
     name = others or ("phase-plane" if len(cell.arms) < 3 else "vci")
     if name == "phase-plane":
         return None
-    if name == "vci":
-        return VciExecution(cell, mode)
     if name in METHODS:
-        return ScheduleExecution(schedule(cell, name), mode)
+        return execution_of(schedule(cell, name), mode)
     raise UnknownNameError("baseline for the other arms", name, ("phase-plane", *METHODS))

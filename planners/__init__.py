@@ -32,7 +32,7 @@ from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.planners._vci import VciPlan, VelocityControl, plan_vci
-from armtempo.planners._vci_execution import VciExecution
+from armtempo.planners._vci_execution import VciExecution, execution_of
 from armtempo.planners._waypoint_file import read_waypoints
 from armtempo.planners._waypoint_path import WaypointPath
 
@@ -49,15 +49,15 @@ __all__ = [
     "CartesianPath",
     "Cell",
     "CellLabels",
+    "ChartRegion",
     "Claim",
     "ClearanceTable",
-    "ChartRegion",
     "CoordinationChart",
+    "Execution",
     "GeneratedCell",
     "Instance",
-    "Island",
     "IntervalSearch",
-    "Execution",
+    "Island",
     "JointPath",
     "JointTrajectory",
     "Line",
@@ -70,8 +70,8 @@ __all__ = [
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
-    "PriorityClass",
     "Precedence",
+    "PriorityClass",
     "Schedule",
     "ScheduleCertificate",
     "ScheduleExecution",
@@ -92,6 +92,7 @@ __all__ = [
     "default_engine",
     "diagnose",
     "draw_benchmark",
+    "execution_of",
     "generate_cell",
     "label_cell",
     "load_cell",
@@ -101,11 +102,11 @@ __all__ = [
     "pair_bound",
     "path_point",
     "phase_kernels",
-    "refined_plane",
-    "read_trajectory",
-    "read_waypoints",
     "plan_vci",
     "precedence",
+    "read_trajectory",
+    "read_waypoints",
+    "refined_plane",
     "save_instance",
     "schedule",
     "tabulated_clearance",

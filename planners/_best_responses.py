@@ -19,6 +19,7 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._interval_search import COARSE, FULL, Stage
 from armtempo.planners._makespan_bound import guide_path
+from armtempo.planners._phase_plane import EXCESS
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset, start_offset
 from armtempo.planners._stop_and_go import stop_and_go
@@ -195,7 +196,7 @@ def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[
 
 
 def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
-    """The best plan that is found with all arms free to yield, and the order in which the arms arrive.
+    """The best plan that is found with all arms free to yield, and its order: of priority, else of arrival.
 
     With two arms a plan is found wherever the outer chart has a monotone path of free cells and both can hold still.
 
@@ -246,7 +247,9 @@ def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
     if best is None and len(problem.arms) == 2 and all(problem.holdable):
         slow = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
         if slow is not None:
-            take(slow)
+            # its parts are solved on grids of their own
+            if max(motion.certificate.excess for motion in slow) <= EXCESS:
+                take(slow)
             take(improved(problem, improved(problem, slow, COARSE), FULL))
     if best is not None and not enough_found():
         take(improved(problem, best, FULL))

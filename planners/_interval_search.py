@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from armtempo.errors import InfeasibleError
 from armtempo.planners._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
 from armtempo.planners._phase_kernels import Rows
-from armtempo.planners._phase_plane import PhasePlane
+from armtempo.planners._phase_plane import EXCESS, PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._time_windows import Occupancy, Runs, forbidden_windows
 from armtempo.robots import njit
@@ -30,7 +30,6 @@ Ints = NDArray[np.int64]
 FINEST = 1200  # intervals between stations at most
 SLOTS = 1024  # equal pieces of the path, at least, with windows of their own
 LOOSE = 0.1  # of the mean time between stations: windows that differ by less are one
-TORQUE_TOLERANCE = 1e-3
 GAIN = 2e-4  # share of the arrival time that is worth another search
 
 
@@ -110,10 +109,6 @@ class IntervalSearch:
         station = self.plane.rows.station[self._stations]
         return np.union1d(station, np.linspace(0.0, self.plane.length, SLOTS + 1)[1:-1])
 
-    @cached_property
-    def _hold(self) -> NDArray[np.bool_]:
-        return self.plane.holdable
-
     def respond(
         self,
         others: Mapping[int, PhaseTrajectory | Occupancy],
@@ -140,12 +135,12 @@ class IntervalSearch:
         reserve = excess = 0.0
         for _ in range(4):
             motion = self._search(first, start, stop, horizon, stages, self._reserved(reserve))
-            excess = motion.certificate.torque_excess
-            if excess <= TORQUE_TOLERANCE:
+            excess = motion.certificate.excess
+            if excess <= EXCESS:
                 return motion
             reserve = 1.0 - (1.0 - reserve) * (1.0 - 1.5 * excess)
         raise InfeasibleError(
-            f"the torque limits are exceeded by {100.0 * excess:.2g} % between stations",
+            f"a limit is exceeded by {100.0 * excess:.2g} % between stations",
             remedy="give the cell more stations",
             reason="grid",
         )
@@ -154,7 +149,7 @@ class IntervalSearch:
         rows = self.plane.rows
         if share <= 0.0:
             return rows
-        return rows._replace(low=(1.0 - share) * rows.low, high=(1.0 - share) * rows.high)
+        return rows._replace(low=rows.low + share * np.abs(rows.low), high=rows.high - share * np.abs(rows.high))
 
     def _check_ends(self, first: Ints, start: Array, stop: Array) -> None:
         begin, end = slice(first[0], first[1]), slice(first[-2], first[-1])
@@ -214,7 +209,7 @@ class IntervalSearch:
         _levels(low, high, middle, half, fastest, level, width)
         level[0, 0], width[0] = 0.0, 1
         level[-1, 0], width[-1] = self.plane.mu_end**2, 1
-        return Lattice(pick, level, width, self._hold[pick])
+        return Lattice(pick, level, width, self.plane.holdable[pick])
 
     def _motion(self, found: _Found) -> PhaseTrajectory:
         lam, mu = self.plane.rows.station[found.pick], np.sqrt(found.x)

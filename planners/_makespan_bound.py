@@ -68,13 +68,16 @@ class MakespanBound:
     Attributes:
         time: The bound [s]: the largest of all pairs, each of which is one.
         pairs: Per pair (i, j), i < j, its relaxed search.
-        classes: Per pair ``free``: minimum-time motions started together keep clear; ``uniform``: one arm may go
-            first through every region at no cost; ``mixed``: it may not; ``infeasible``: certified to be so.
+        classes: Per pair ``free``: minimum-time motions started together keep clear; ``uniform``: with one
+            arm first through every region a start delay is within 3 % of the bound; ``mixed``: it is not;
+            ``infeasible``: certified to be so.
+        natural: Per pair that meets, whether the first, or the second, may go first like that.
     """
 
     time: float
     pairs: Mapping[tuple[int, int], PairBound]
     classes: Mapping[tuple[int, int], PriorityClass]
+    natural: Mapping[tuple[int, int], tuple[bool, bool]]
 
     @property
     def priority_class(self) -> PriorityClass:
@@ -93,7 +96,7 @@ class MakespanBound:
         before = set()
         for (i, j), kind in self.classes.items():
             if kind == "uniform":
-                a, b = self.pairs[i, j].natural
+                a, b = self.natural[i, j]
                 before |= {(i, j)} if a and not b else {(j, i)} if b and not a else set()
         left = {arm for pair in self.pairs for arm in pair}
         while left:

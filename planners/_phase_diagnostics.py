@@ -68,11 +68,9 @@ def diagnose(plane: PhasePlane, motion: PhaseTrajectory | None = None) -> PhaseD
     active_rows(rows, x, u, active, side)
     capped = np.maximum(x[:-1] / rows.x_cap[:-1], x[1:] / rows.x_cap[1:]) > 1.0 - AT_CAP
     active = np.where(active >= 0, active, np.where(capped, -1, -2))
-    controllable = np.sqrt(np.where(np.arange(plane.sets.shape[1])[None, :, None] < plane.counts[:, None, None],
-                                    plane.sets, np.nan))  # fmt: skip
     return PhaseDiagnostics(
         grid=rows.station,
-        controllable=controllable,
+        controllable=plane.controllable,
         admissible=plane.admissible,
         islands=_islands(rows.station, plane.admissible),
         limits=tuple(plane.limit_name(row) for row in range(rows.a.shape[1])),

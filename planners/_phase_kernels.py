@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.robots import njit
+from armtempo.robots import inlined, njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -25,6 +25,7 @@ ROW_SLACK = 1e-10  # rounding allowed when rows are divided by a small inertia, 
 MOST = 4  # intervals of a controllable set; dropping further ones only forbids
 BANDS = 8  # taken out of one candidate set
 RETREATS = 60
+GREEDY_LACK = 1e-6  # of x: what rounding may keep the fastest motion from the controllable set
 
 
 class Rows(NamedTuple):
@@ -53,6 +54,14 @@ class Edges(NamedTuple):
 
 
 @njit
+def _put(out: Array, a: float, b: float, r: float, low: float, high: float) -> None:
+    """Write a row to ``out`` (5,), turned round where ``a`` is negative."""
+    if a < 0.0:
+        a, b, r, low, high = -a, -b, -r, -high, -low
+    out[0], out[1], out[2], out[3], out[4] = a, b, r, low, high
+
+
+@njit
 def _stage_rows(rows: Rows, i: int, next_low: float, next_high: float, out: Array) -> int:
     """Collect the rows (a, b, r, low, high) on ``(u, x)``, ``a >= 0``, of the interval from station i.
 
@@ -65,17 +74,12 @@ def _stage_rows(rows: Rows, i: int, next_low: float, next_high: float, out: Arra
     for j in range(n):
         drag = rows.r[k, j]
         most, least = max(drag * slow, drag * fast), min(drag * slow, drag * fast)
-        for m in range(2):
-            o = out[m * n + j]
-            if m == 0:
-                o[0], o[1], o[2], o[3], o[4] = rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j]
-            else:
-                o[0], o[1], o[2] = rows.a[k, j] + d2 * rows.b[k, j], rows.b[k, j], 0.0
-                o[3], o[4] = rows.low[k, j] - most, rows.high[k, j] - least
-            if o[0] < 0.0:
-                o[0], o[1], o[2], o[3], o[4] = -o[0], -o[1], -o[2], -o[4], -o[3]
-    o = out[2 * n]
-    o[0], o[1], o[2], o[3], o[4] = d2, 1.0, 0.0, next_low, next_high
+        _put(out[j], rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j])
+        _put(
+            out[n + j], rows.a[k, j] + d2 * rows.b[k, j], rows.b[k, j], 0.0, rows.low[k, j] - most,
+            rows.high[k, j] - least,
+        )  # fmt: skip
+    _put(out[2 * n], d2, 1.0, 0.0, next_low, next_high)
     return int(2 * n + 1)
 
 
@@ -213,6 +217,13 @@ def _end_row(
 
 
 @njit
+def _slack(low: float, high: float) -> float:
+    """What rounding may take off a row; nothing where one side has no limit."""
+    width = high - low
+    return ROW_SLACK * width if width < np.inf else 0.0
+
+
+@njit
 def _reach(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) -> tuple[float, float, int]:
     """The part of [low, high] that the interval from station i can end in, if it begins with ``x``; exact.
 
@@ -223,13 +234,13 @@ def _reach(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) 
     mu, taken = np.sqrt(x), 0
     for j in range(rows.a.shape[1]):
         a, used = rows.a[i, j], rows.b[i, j] * x + rows.r[i, j] * mu
-        slack = ROW_SLACK * (rows.high[i, j] - rows.low[i, j])
+        slack = _slack(rows.low[i, j], rows.high[i, j])
         least, most = rows.low[i, j] - slack - used, rows.high[i, j] + slack - used
         if a < 0.0:
             a, least, most = -a, -most, -least
         if a > 1e-14:
             low, high = max(low, x + d2 * least / a), min(high, x + d2 * most / a)
-        slack = ROW_SLACK * (rows.high[k, j] - rows.low[k, j])
+        slack = _slack(rows.low[k, j], rows.high[k, j])
         first, last, band_low, band_high = _end_row(
             rows.a[k, j], rows.b[k, j], rows.r[k, j], rows.low[k, j] - slack, rows.high[k, j] + slack, d2, x
         )
@@ -241,35 +252,23 @@ def _reach(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) 
 
 
 @njit
-def _highest(low: float, high: float, bands: Array, taken: int) -> float:
-    """The largest value in [low, high] outside the bands, or -1."""
+def _beside(value: float, up: bool, bands: Array, taken: int) -> float:
+    """The value itself, or where it leaves the bands that it is in, upwards or downwards."""
     moved = True
     while moved:
         moved = False
         for k in range(taken):
-            if bands[k, 0] < high < bands[k, 1]:
-                high, moved = bands[k, 0], True
-    return high if low <= high else -1.0
-
-
-@njit
-def _lowest(low: float, high: float, bands: Array, taken: int) -> float:
-    """The smallest value in [low, high] outside the bands, or -1."""
-    moved = True
-    while moved:
-        moved = False
-        for k in range(taken):
-            if bands[k, 0] < low < bands[k, 1]:
-                low, moved = bands[k, 1], True
-    return low if low <= high else -1.0
+            if bands[k, 0] < value < bands[k, 1]:
+                value, moved = bands[k, 1 if up else 0], True
+    return value
 
 
 @njit
 def _lack(rows: Rows, i: int, x: float, low: float, high: float, bands: Array) -> float:
     """Not positive if the interval can begin with ``x`` and end in [low, high]; else by how much it cannot."""
     first, last, taken = _reach(rows, i, x, low, high, bands)
-    if taken and first <= last and _highest(first, last, bands, taken) < 0.0:
-        return 1e-9
+    if first <= last and _beside(last, False, bands, taken) < first:
+        return 1e-9  # covered by bands
     return first - last
 
 
@@ -391,12 +390,8 @@ def admissible_sets(rows: Rows, sets: Array, counts: Ints) -> None:
     stage, bands, found = np.empty((n + 1, 5)), np.empty((BANDS, 2)), np.empty((MOST, 2))
     for i in range(rows.station.shape[0]):
         for j in range(n):
-            o = stage[j]
-            o[0], o[1], o[2], o[3], o[4] = rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j]
-            if o[0] < 0.0:
-                o[0], o[1], o[2], o[3], o[4] = -o[0], -o[1], -o[2], -o[4], -o[3]
-        o = stage[n]
-        o[0], o[1], o[2], o[3], o[4] = 1.0, 0.0, 0.0, -1e12, 1e12  # any u: rows without inertia need a partner
+            _put(stage[j], rows.a[i, j], rows.b[i, j], rows.r[i, j], rows.low[i, j], rows.high[i, j])
+        _put(stage[n], 1.0, 0.0, 0.0, -1e12, 1e12)  # any u: rows without inertia need a partner
         counts[i] = _eliminate(stage, n + 1, rows.x_cap[i], bands, found)
         for m in range(counts[i]):
             sets[i, m, 0], sets[i, m, 1] = found[m, 0], found[m, 1]
@@ -411,7 +406,7 @@ def active_rows(rows: Rows, x: Array, u: Array, row: Ints, side: Ints) -> None:
             k = i + e
             for j in range(rows.a.shape[1]):
                 value = rows.a[k, j] * u[i] + rows.b[k, j] * x[k] + rows.r[k, j] * np.sqrt(x[k])
-                width = rows.high[k, j] - rows.low[k, j]
+                width = max(min(rows.high[k, j] - rows.low[k, j], 1e12), 1e-300)  # a missing limit is far away
                 above, below = (rows.high[k, j] - value) / width, (value - rows.low[k, j]) / width
                 if min(above, below) < nearest:
                     nearest, row[i], side[i] = min(above, below), j, 1 if above < below else -1
@@ -431,38 +426,38 @@ def follow_edges(rows: Rows, sets: Array, edges: Edges) -> None:
         if rows.station[i + 1] == rows.station[i]:
             edges.low_next[i], edges.high_next[i] = edges.low[i], edges.high[i]
             continue
-        first, final, taken = _reach(rows, i, edges.high[i], low, high, bands)
-        y = _highest(first, final, bands, taken)
-        edges.high_next[i] = y if y >= 0.0 else min(max(final, low), high)
-        first, final, taken = _reach(rows, i, edges.low[i], low, high, bands)
-        y = _lowest(first, final, bands, taken)
-        edges.low_next[i] = y if y >= 0.0 else min(max(first, low), high)
+        _, final, taken = _reach(rows, i, edges.high[i], low, high, bands)
+        edges.high_next[i] = min(max(_beside(final, False, bands, taken), low), high)
+        first, _, taken = _reach(rows, i, edges.low[i], low, high, bands)
+        edges.low_next[i] = min(max(_beside(first, True, bands, taken), low), high)
 
 
 @njit
-def greedy_profile(rows: Rows, sets: Array, counts: Ints, x_start: float, x: Array, u: Array) -> None:
-    """The fastest motion: at every station the largest ``u`` that stays in the controllable set."""
+def greedy_profile(rows: Rows, sets: Array, counts: Ints, x_start: float, x: Array) -> int:
+    """The fastest motion: at every station the largest ``u`` that stays in the controllable set.
+
+    Returns -1, or the station from which more than rounding keeps the motion out of the next set.
+    """
     bands = np.empty((rows.a.shape[1], 2))
     x[0] = x_start
     for i in range(rows.station.shape[0] - 1):
-        d2 = 2.0 * (rows.station[i + 1] - rows.station[i])
-        if d2 == 0.0:
-            x[i + 1], u[i] = x[i], 0.0
+        if rows.station[i + 1] == rows.station[i]:
+            x[i + 1] = x[i]
             continue
         best, least = -1.0, np.inf
         for m in range(counts[i + 1] - 1, -1, -1):
             low, high = sets[i + 1, m, 0], sets[i + 1, m, 1]
             first, last, taken = _reach(rows, i, x[i], low, high, bands)
-            y = _highest(first, last, bands, taken)
-            if y >= 0.0:
-                best = y
+            y = _beside(last, False, bands, taken)
+            if y >= first:
+                best, least = y, 0.0
                 break
             if first - last < least:  # rounding closed it: the interval that lacks least
-                least, best = first - last, min(max(last, low), high)
-                if taken == 0 and first - last > 1e-6 * (1.0 + high):
-                    best = min(max(0.5 * (first + last), low), high)
+                best, least = min(max(last, low), high), first - last
+        if least > GREEDY_LACK * (1.0 + best):
+            return i
         x[i + 1] = best
-        u[i] = (best - x[i]) / d2
+    return -1
 
 
 @njit
@@ -502,14 +497,17 @@ def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: fl
         if a < 0.0:
             a, low, high, used = -a, -high, -low, -used
         return ((low - used) / a, (high - used) / a) if a > 1e-14 else (-np.inf, np.inf)
+    at_rest = -np.inf  # the hardest braking that the row allows where the arm comes to rest, its friction gone
+    if abs(a) > 1e-14:
+        at_rest = low / a if a > 0.0 else high / a
     low, high, band_low, band_high = _end_row(a, b, r, low, high, d2, x)
     if band_high > band_low:  # stay on the side where the arm is
         low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
     # without a speed that is needed there the arm may come to rest before the end of the piece
-    return (low - x) / d2 if low > 0.0 else -np.inf, (high - x) / d2
+    return (low - x) / d2 if low > 0.0 else at_rest, (high - x) / d2
 
 
-@njit
+@inlined
 def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float, float]:
     """Bounds of ``u`` from the rows at share ``w`` of interval i, met after travelling ``d2 / 2`` from ``x``."""
     lowest, highest = -np.inf, np.inf
@@ -532,7 +530,7 @@ def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float
     return lowest, highest
 
 
-@njit
+@inlined
 def _next_piece(
     rows: Rows, edges: Edges, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
 ) -> tuple[float, float]:

@@ -90,8 +90,10 @@ class PhasePlane:
             sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
             if controllable_sets(self.rows, self.mu_end**2, True, NO_PROFILE, sets, counts) >= 0:
                 # slow motions lead nowhere: keep to the intervals that the fastest one passes
-                x = self._greedy(float(self.sets[0, self.counts[0] - 1, 1]))[0]
-                controllable_sets(self.rows, self.mu_end**2, True, x, sets, counts)
+                x = self._greedy(float(self.sets[0, self.counts[0] - 1, 1]))
+                failed = controllable_sets(self.rows, self.mu_end**2, True, x, sets, counts)
+                if failed >= 0:
+                    raise self._explain(failed)
         count = len(self.rows.station)
         edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1))
         follow_edges(self.rows, sets, edges)
@@ -103,16 +105,30 @@ class PhasePlane:
         rows = self.rows
         return np.asarray(((rows.low <= 0.0) & (rows.high >= 0.0)).all(axis=1) & (self.edges.low <= 0.0))
 
+    def _joint(self, row: int) -> int:
+        """The joint that a row of the limits is about."""
+        arm, joints = self.dynamics.arm, self.dynamics.joints
+        if row < joints or arm is None:
+            return row
+        return int(np.flatnonzero(np.isfinite(arm.acceleration_max))[row - joints])
+
     def limit_name(self, row: int) -> str:
         """What a row of the limits is, in words."""
-        dynamics = self.dynamics
-        arm = dynamics.arm
-        of_arm = f" of arm {arm.name!r}" if arm is not None else ""
-        if row < dynamics.joints:
-            return f"the torque of joint {repr(arm.joint_names[row]) if arm is not None else row}{of_arm}"
-        assert arm is not None  # only arms add rows
-        joint = np.flatnonzero(np.isfinite(arm.acceleration_max))[row - dynamics.joints]
-        return f"the acceleration of joint {arm.joint_names[joint]!r}{of_arm}"
+        arm = self.dynamics.arm
+        what = "torque" if row < self.dynamics.joints else "acceleration"
+        joint = self._joint(row)
+        return f"the {what} of joint {joint if arm is None else repr(arm.joint_names[joint])}{self._of_arm}"
+
+    @property
+    def _of_arm(self) -> str:
+        arm = self.dynamics.arm
+        return f" of arm {arm.name!r}" if arm is not None else ""
+
+    def _most_limiting(self, row: int) -> int:
+        """The limit that leaves least acceleration from rest at a row of the grid."""
+        a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
 
     def _explain(self, row: int) -> InfeasibleError:
         """Why nothing is controllable at a row of the grid."""
@@ -122,15 +138,13 @@ class PhasePlane:
         over = np.maximum(hold - dynamics.torque_max[row], dynamics.torque_min[row] - hold)
         limit = int(over.argmax())
         if over[limit] > 0.0 and limit < dynamics.joints:
-            arm = dynamics.arm
-            name = repr(arm.joint_names[limit]) if arm is not None else str(limit)
-            of_arm = f" of arm {arm.name!r}" if arm is not None else ""
+            name = limit if dynamics.arm is None else repr(dynamics.arm.joint_names[limit])
             reason = (
-                f"joint {name}{of_arm} needs {hold[limit]:.4g} N m to hold still at station {station:.4g}, "
+                f"joint {name}{self._of_arm} needs {hold[limit]:.4g} N m to hold still at station {station:.4g}, "
                 f"its limits are [{dynamics.torque_min[row, limit]:.4g}, {dynamics.torque_max[row, limit]:.4g}] N m"
             )
             remedy = "raise limits.torque_nm, lower torque_reserve, or move the path"
-        elif self.rows.x_cap[row] < self.sets[row + 1 : row + 2, 0, 0].min(initial=np.inf) and row + 1 < len(hold):
+        elif row + 1 < len(hold) and self.rows.x_cap[row] < self.sets[row + 1, 0, 0]:
             needed = float(np.sqrt(self.sets[row + 1, 0, 0]))
             reason = (
                 f"past station {station:.4g} the arm must move at mu >= {needed:.4g}, because it could not hold still "
@@ -138,34 +152,27 @@ class PhasePlane:
             )
             remedy = "raise limits.speed_rad_s or the torque limits there, or move the path"
         else:
-            a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                limit = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
+            limit = self._most_limiting(row)
             reason = (
                 f"no speed at station {station:.4g} lets the path be finished inside the limits "
                 f"({self.limit_name(limit)} limits the acceleration from rest most)"
             )
             remedy = "raise the torque or speed limits there, or smooth the path"
-        return InfeasibleError(reason, remedy=remedy, station=station, joint=limit, row=row)
+        return InfeasibleError(reason, remedy=remedy, station=station, joint=self._joint(limit), row=row)
 
     def _explain_stuck(self, row: int) -> InfeasibleError:
         """Why the arm cannot move on from rest at a row of the grid."""
         station = float(self.rows.station[row])
+        where = f"the arm cannot move on from rest at station {station:.4g}"
         if self.rows.x_cap[row + 1] <= 0.0:
-            return InfeasibleError(
-                f"the arm cannot move on from rest at station {station:.4g}: the speed limit there is 0",
-                remedy="a speed limit of 0 is no limit but a stop: raise it",
-                station=station,
-                row=row,
-            )
-        a, low, high = self.rows.a[row], self.rows.low[row], self.rows.high[row]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            limit = int(np.where(a > 0.0, high / a, np.where(a < 0.0, low / a, np.inf)).argmin())
+            remedy = "a speed limit of 0 is no limit but a stop: raise it"
+            return InfeasibleError(f"{where}: the speed limit there is 0", remedy=remedy, station=station, row=row)
+        limit = self._most_limiting(row)
         return InfeasibleError(
-            f"the arm cannot move on from rest at station {station:.4g}: {self.limit_name(limit)} is at its limit",
+            f"{where}: {self.limit_name(limit)} is at its limit",
             remedy="raise that limit, or move the path",
             station=station,
-            joint=limit,
+            joint=self._joint(limit),
             row=row,
         )
 
@@ -195,6 +202,11 @@ class PhasePlane:
         low, high = acceleration_bounds(self.rows, float(lam), float(mu) ** 2)
         return float(low), float(high)
 
+    @property
+    def controllable(self) -> Array:
+        """(N+1, MOST, 2) the intervals of ``mu`` from which the end can be met; NaN where there are fewer."""
+        return _speeds(self.sets, self.counts)
+
     @cached_property
     def admissible(self) -> Array:
         """(N+1, MOST, 2) the intervals of ``mu`` in which some ``mu_dot`` keeps the limits of the station; else NaN.
@@ -203,8 +215,7 @@ class PhasePlane:
         """
         sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
         admissible_sets(self.rows, sets, counts)
-        sets[np.arange(MOST) >= counts[:, None]] = np.nan
-        return np.asarray(np.sqrt(sets))
+        return _speeds(sets, counts)
 
     def speed_limit(self) -> Array:
         """(N+1,) the top of the admissible region: above it no ``mu_dot`` keeps the limits (Lee1991 eq. 10)."""
@@ -237,11 +248,21 @@ class PhasePlane:
         return min(max(float(command), 0.0), 1.0)
 
     def fastest(self, mu_start: float = 0.0) -> PhaseTrajectory:
-        """The minimum-time motion from ``mu_start`` to ``mu_end``.
+        """The minimum-time motion from ``mu_start`` to ``mu_end``; solved once for each.
 
         Raises:
-            InfeasibleError: ``mu_start`` is outside the controllable set; the message gives its ends.
+            InfeasibleError: ``mu_start`` is outside the controllable set (the message gives its ends), or the arm
+                cannot move on from rest somewhere.
         """
+        if mu_start not in self._fastest:
+            self._fastest[mu_start] = self._solve(mu_start)
+        return self._fastest[mu_start]
+
+    @cached_property
+    def _fastest(self) -> dict[float, PhaseTrajectory]:
+        return {}
+
+    def _solve(self, mu_start: float) -> PhaseTrajectory:
         spans = np.sqrt(self.sets[0, : self.counts[0]])
         if not any(low - 1e-9 <= mu_start <= high + 1e-9 for low, high in spans):
             inside = " or ".join(f"[{low:.6g}, {high:.6g}]" for low, high in spans)
@@ -252,7 +273,7 @@ class PhasePlane:
             )
         nearest = min(spans.ravel(), key=lambda edge: abs(edge - mu_start))
         inside_one = any(low <= mu_start <= high for low, high in spans)
-        x, _ = self._greedy(float(mu_start if inside_one else nearest) ** 2)
+        x = self._greedy(float(mu_start if inside_one else nearest) ** 2)
         stuck = np.flatnonzero((x[:-1] + x[1:] <= 0.0) & (np.diff(self.rows.station) > 0.0))
         if len(stuck):
             raise self._explain_stuck(int(stuck[0]))
@@ -265,11 +286,14 @@ class PhasePlane:
         start.
 
         Raises:
+            InputError: ``duration`` is not finite.
             InfeasibleError: It is shorter than the minimum time, or longer than the slowest motion of an arm that
                 cannot hold still; the message says which.
         """
         fastest = self.fastest(mu_start)
-        if not duration >= fastest.duration * (1.0 - 1e-12):
+        if not math.isfinite(duration):
+            raise InputError(f"the duration must be finite, got {duration}")
+        if duration < fastest.duration * (1.0 - 1e-12):
             raise InfeasibleError(
                 f"a duration of {duration:.6g} s is wanted, the minimum is {fastest.duration:.6g} s",
                 remedy="allow more time, or raise the limits",
@@ -306,17 +330,25 @@ class PhasePlane:
             return None
         if not any(low <= mu_start**2 <= high for low, high in sets[0, : counts[0]]):
             return None
-        x, u = np.empty(len(rows.station)), np.empty(len(rows.station) - 1)
-        greedy_profile(rows, sets, counts, mu_start**2, x, u)
+        x = np.empty(len(rows.station))
+        if greedy_profile(rows, sets, counts, mu_start**2, x) >= 0:
+            return None
         if np.any((x[:-1] + x[1:] <= 0.0) & (np.diff(rows.station) > 0.0)):
             return None
         return PhaseTrajectory.from_profile(rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
 
-    def _greedy(self, x_start: float) -> tuple[Array, Array]:
-        count = len(self.rows.station)
-        x, u = np.empty(count), np.empty(count - 1)
-        greedy_profile(self.rows, self.sets, self.counts, x_start, x, u)
-        return x, u
+    def _greedy(self, x_start: float) -> Array:
+        x = np.empty(len(self.rows.station))
+        failed = greedy_profile(self.rows, self.sets, self.counts, x_start, x)
+        if failed >= 0:
+            station = float(self.rows.station[failed])
+            raise InfeasibleError(
+                f"the fastest motion leaves the controllable set after station {station:.4g}: the grid is too coarse",
+                remedy="use more intervals",
+                station=station,
+                row=failed,
+            )
+        return x
 
     def braking(self, lam: float, mu: float) -> PhaseTrajectory:
         """Maximum braking from a state to rest (or to the end of the path)."""
@@ -356,6 +388,12 @@ class PhasePlane:
         return float(edge_speed(self.rows, self.edges, lam))
 
 
+def _speeds(sets: Array, counts: NDArray[np.int64]) -> Array:
+    """Intervals of ``x`` as such of ``mu``, those that are not there as NaN."""
+    there = np.arange(sets.shape[1]) < counts[:, None]
+    return np.asarray(np.sqrt(np.where(there[..., None], sets, np.nan)))
+
+
 def refined_plane(
     dynamics: PathDynamics, mu_end: float = 0.0, *, mu_start: float = 0.0, tick: float = 0.0
 ) -> PhasePlane:
@@ -383,7 +421,7 @@ def refined_plane(
     worst = max((motion.certificate for motion in motions), key=lambda certificate: certificate.excess)
     raise InfeasibleError(
         f"limits of arm {name!r} change too fast near station {stations[0]:.4g}: exceeded by "
-        f"{100.0 * worst.excess:.2g} % even with {len(dynamics.grid)} stations",
+        f"{100.0 * worst.excess:.2g} % even with {len(plane.dynamics.grid)} stations",
         remedy="keep the path away from the limits of the arm's reach",
         station=float(stations[0]),
         joint=worst.worst_joint,

@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners._best_responses import optimal, prioritised
 from armtempo.planners._cell import Cell
-from armtempo.planners._phase_plane import PhasePlane
+from armtempo.planners._phase_plane import EXCESS, PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._start_delays import delayed, offset, one_by_one
 from armtempo.planners._vci import VciPlan, plan_vci
 
 Array = NDArray[np.float64]
 
-EXCESS = 1e-3  # share of a limit that sampling may find above it
 AUDIT_PERIOD = 0.0002  # [s] between FCL distances in a certificate
 
 
@@ -62,10 +61,11 @@ class Schedule:
     Attributes:
         method: The planner's name.
         cell: What was planned for.
-        trajectories: One per arm, in priority order; each ends when its arm arrives.
+        trajectories: One per arm, in the cell's order; each ends when its arm arrives.
         order: Arms by priority: in the order in which they pass, or, where each passes first somewhere, arrive.
-        vci: What velocity control did, where it was asked.
+        vci: What velocity control of the last arm in ``order`` did, where it was asked.
         fallback: The method that planned instead of the one asked for, where that found no way.
+        fallback_reason: Why it did.
     """
 
     method: str
@@ -74,6 +74,7 @@ class Schedule:
     order: tuple[int, ...]
     vci: VciPlan | None = None
     fallback: str | None = None
+    fallback_reason: str = ""
 
     @property
     def makespan(self) -> float:
@@ -219,23 +220,25 @@ def _first_root(square: Array, linear: Array, value: Array) -> Array:
 def _vci(cell: Cell, order: tuple[int, ...], period: float) -> Schedule:
     try:
         motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
-        plan = Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
+        if not cell.timing.is_free(motions):
+            raise InfeasibleError(f"velocity control's motions in {cell.name!r} are not certified free")
         # its commands are not searched on the grid that the limits were refined for
-        within = all(motion.certificate.excess <= EXCESS for motion in motions)
-        if not (within and plan._certify_free()):
-            what = "leave the cells that are certified free" if within else "exceed a limit between stations"
-            raise InfeasibleError(
-                f"velocity control's motions {what}",
-                remedy="swap the order of the arms, or use 'interval' or 'optimal'",
-                reason="not certified",
-            )
+        if any(motion.certificate.excess > EXCESS for motion in motions):
+            raise InfeasibleError("velocity control's motions exceed a limit between stations", reason="grid")
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way
             shaped = prioritised(cell.timing, order)
         except InfeasibleError:
             raise refusal from None
-        return Schedule(method="vci", cell=cell, trajectories=shaped, order=order, fallback="interval")
-    return plan
+        return Schedule(
+            method="vci",
+            cell=cell,
+            trajectories=shaped,
+            order=order,
+            fallback="interval",
+            fallback_reason=refusal.message,
+        )
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
 
 
 _PLANNERS: dict[str, Callable[..., Schedule]] = {  # in the order in which tables show them

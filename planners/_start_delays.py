@@ -13,49 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import permutations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armtempo.errors import InfeasibleError
+from armtempo.planners._pair_delay import pair_delay
 from armtempo.planners._phase_trajectory import PhaseTrajectory
 from armtempo.planners._time_windows import Occupancy
-
-if TYPE_CHECKING:
-    from armtempo.planners._timing_problem import Motions, TimingProblem
-
-RELEASE_MARGIN = 1e-5  # [s] added to a start delay, so that the motion passes beside the corner of a chart cell
-
-
-def pair_delay(
-    problem: TimingProblem, first: int, second: int, leading: PhaseTrajectory, following: PhaseTrajectory
-) -> float:
-    """How much later than ``first`` arm ``second`` must start to stay behind it everywhere [s]; may be negative.
-
-    Raises:
-        InfeasibleError: The start of the second is not safe to wait in, or the end of the first is in its way.
-    """
-    chart = problem.chart_between(first, second)
-    names = problem.names[first], problem.names[second]
-    rows = np.flatnonzero(chart.last_column >= 0)
-    if not len(rows):
-        return -np.inf
-    if rows[0] == 0:
-        raise InfeasibleError(
-            f"arm {names[1]!r} cannot wait at its start: arm {names[0]!r} passes closer than {chart.d_min:.4g} m",
-            remedy="let it go first (swap the order of the arms), lower d_min_m, or move its start",
-            reason="unsafe start",
-        )
-    last = chart.last_column[rows]
-    if last.max() >= chart.resolution - 1:
-        raise InfeasibleError(
-            f"arm {names[0]!r} ends in the way of arm {names[1]!r}: closer than {chart.d_min:.4g} m for ever",
-            remedy="let the other go first (swap the order of the arms), or move its end",
-            reason="parked in the way",
-        )
-    released = leading.time_at((last + 1) * chart.step_a)
-    reached = following.time_at(rows * chart.step_b)
-    return float((released - reached).max()) + RELEASE_MARGIN
+from armtempo.planners._timing_problem import Motions, TimingProblem
 
 
 def delayed(problem: TimingProblem, motions: Motions, order: tuple[int, ...]) -> Motions:
@@ -66,7 +31,13 @@ def delayed(problem: TimingProblem, motions: Motions, order: tuple[int, ...]) ->
     """
     start: dict[int, float] = {}
     for arm in order:
-        waits = (start[j] + pair_delay(problem, j, arm, motions[j], motions[arm]) for j in start)
+        waits = (
+            start[j]
+            + pair_delay(
+                problem.chart_between(j, arm), (problem.names[j], problem.names[arm]), motions[j], motions[arm]
+            )
+            for j in start
+        )
         start[arm] = max([0.0, *waits])
     return tuple(motion.delayed(start[arm]) for arm, motion in enumerate(motions))
 

@@ -110,7 +110,7 @@ def rest_to_rest(plane: PhasePlane, start: float, stop: float) -> PhaseTrajector
         joined(rows.torque_min, limits[0]), joined(rows.torque_max, limits[1]),
         joined(rows.speed_max, np.minimum(rows.speed_max[after - 1], rows.speed_max[after])),
     )  # fmt: skip
-    part.arm, part.path = rows.arm, rows.path
+    part.arm, part.path, part.joints = rows.arm, rows.path, rows.joints
     return PhasePlane(part).fastest()
 
 

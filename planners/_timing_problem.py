@@ -14,9 +14,9 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
+from armtempo.planners._pair_delay import pair_delay
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
-from armtempo.planners._start_delays import pair_delay
 from armtempo.planners._time_windows import Runs, blocked_runs, pair_is_free
 
 Charts = Callable[[int, int], CoordinationChart]
@@ -84,6 +84,7 @@ class TimingProblem:
         time = max((1.0 - share) * motion.duration for motion, share in motions)
         pairs: dict[tuple[int, int], PairBound] = {}
         classes: dict[tuple[int, int], PriorityClass] = {}
+        natural: dict[tuple[int, int], tuple[bool, bool]] = {}
         for i, j in combinations(self.arms, 2):
             pair = pair_bound(motions[i][0], motions[j][0], self.bound_chart_between(i, j))
             pairs[i, j] = pair
@@ -93,21 +94,21 @@ class TimingProblem:
             elif pair_is_free(self.chart_between(i, j), self.fastest[i], self.fastest[j]):
                 classes[i, j] = "free"
             else:
-                classes[i, j] = "uniform" if self._one_goes_first(i, j, pair) else "mixed"
-        return MakespanBound(time=float(time), pairs=pairs, classes=classes)
+                natural[i, j] = self._natural(i, j, pair)
+                classes[i, j] = "uniform" if any(natural[i, j]) else "mixed"
+        return MakespanBound(time=float(time), pairs=pairs, classes=classes, natural=natural)
 
-    def _one_goes_first(self, i: int, j: int, pair: PairBound) -> bool:
-        """Whether one arm may go first everywhere at no cost, and a start delay shows it on the planning chart too."""
-        for natural, (a, b) in zip(pair.natural, ((i, j), (j, i)), strict=True):
-            if natural:
-                first, second = self.fastest[a], self.fastest[b]
-                try:
-                    wait = pair_delay(self, a, b, first, second)
-                except InfeasibleError:  # undecided cells are in the way
-                    continue
-                if max(first.duration, second.duration + wait) <= (1.0 + NATURAL) * pair.time:
-                    return True
-        return False
+    def _natural(self, i: int, j: int, pair: PairBound) -> tuple[bool, bool]:
+        """Whether i, or j, may go first everywhere at no cost, and a start delay shows it on the planning chart too."""
+        found = []
+        for free, (a, b) in zip(pair.natural, ((i, j), (j, i)), strict=True):
+            first, second = self.fastest[a], self.fastest[b]
+            try:
+                wait = pair_delay(self.chart_between(a, b), (self.names[a], self.names[b]), first, second)
+            except InfeasibleError:  # in that order nobody could wait
+                wait = np.inf
+            found.append(free and max(first.duration, second.duration + wait) <= (1.0 + NATURAL) * pair.time)
+        return found[0], found[1]
 
     @cached_property
     def attainable(self) -> float:

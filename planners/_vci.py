@@ -202,7 +202,7 @@ class _Regions:
         begin[low == 0] = -chart.length_b  # nowhere to wait
         # (m, R) below this the slave is clear of the region for the rest of the master's path,
         self.closure = np.minimum.accumulate(begin[:, ::-1], axis=1)[:, ::-1]
-        self.end = top * chart.step_b
+        self.end = np.where(top < self._cells, top * chart.step_b, np.inf)  # nowhere to park
         # (m, R) and beyond this.
         self.left = np.maximum.accumulate(self.end[:, ::-1], axis=1)[:, ::-1]
 
@@ -381,7 +381,8 @@ class VelocityControl:
         left some regions before masters at full speed come, and until then, and braking after, stays behind in all
         others. A master that is late, slow or stops costs time, never a collision.
 
-        A slave that is in the way where it starts, and cannot count on getting out, has neither: it does as planned.
+        A slave that is in the way where it starts, and cannot count on getting out, has neither for that region: there
+        it does as planned, and keeps behind in all others.
 
         Args:
             command: What the slave is to do for one period.
@@ -408,7 +409,14 @@ class VelocityControl:
             return 1.0
         loose = limit + ROUNDING * slave.length
         if not stays_behind(slave.rows, slave.edges, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
-            return command if limit.min() < 0.0 else 0.0  # nowhere to wait; else it is a hair too far: stop
+            if limit.min() >= 0.0:
+                return 0.0  # a hair too far: stop
+            # nowhere to wait in some regions: as planned there, and behind the masters in all others
+            limits = [
+                regions.limit(below & (regions.closure[:, at[0]] >= 0.0), at)
+                for regions, below, at in zip(self._regions, live, column, strict=True)
+            ]
+            limit = np.min(limits, axis=0) - MARGIN
         return float(
             largest_behind(slave.rows, slave.edges, lam, mu, command, by_speed, self.period, self.checks, limit)
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import combinations
 from typing import final
 
 import numpy as np
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError
 from armtempo.planners._cell import Cell
-from armtempo.planners._execution import checks_per_period, foresee
+from armtempo.planners._execution import Execution, ScheduleExecution, checks_per_period, foresee
 from armtempo.planners._phase_plane import Mode
+from armtempo.planners._precedence import precedence
+from armtempo.planners._schedule import Schedule
 from armtempo.planners._vci import VelocityControl
 
 Array = NDArray[np.float64]
@@ -43,7 +46,8 @@ class VciExecution:
     Each plans behind the motions that those before it are about to make (the first at full speed, the others by their
     own plans) and keeps to its plan as long as everybody is where it was expected; else it plans anew. Every command
     leaves a way out (see ``VelocityControl.guarded``): masters that are late, slow or stop cost time, never a
-    collision.
+    collision; a slave that stands in the way where it starts has no such guarantee (``execution_of`` executes such
+    plans by precedence instead).
 
     Args:
         cell: Where.
@@ -98,3 +102,25 @@ class VciExecution:
             if slave is not self._slaves[-1]:
                 times = np.append(np.full(len(commands) - 1, control.period), np.inf)
                 motions[i] = control.slave.motion(commands, times, *states[i], mode=self.mode)
+
+
+def execution_of(plan: Schedule, mode: Mode = "speed") -> Execution:
+    """How a schedule is run: velocity control on line, everything else by precedence.
+
+    Velocity control is safe on line only where every arm passes behind those before it, because nobody waits for an
+    arm that goes first out of its turn: other plans of it, and those that fell back on another method, are executed by
+    precedence like the rest.
+
+    Args:
+        plan: The schedule.
+        mode: What a command in [0, 1] means: a share of ``mu*`` (``speed``) or of the admissible ``mu_dot``.
+
+    Raises:
+        InfeasibleError: The schedule leads arms through cells of their charts that are not free.
+    """
+    if plan.method == "vci" and plan.fallback is None:
+        limits = precedence(plan).limits
+        ahead = (limits[pair] for pair in combinations(plan.order, 2) if pair in limits)
+        if not any(np.isfinite(limit).any() for limit in ahead):
+            return VciExecution(plan.cell, mode, plan.order)
+    return ScheduleExecution(plan, mode)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-__all__ = ["njit"]
+__all__ = ["inlined", "njit"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
     def njit(function: F) -> F: ...
 
+    def inlined(function: F) -> F: ...
+
 else:
     import numba
 
     njit = numba.njit(cache=True, error_model="numpy")
+    # Copied into its callers: a call with many arrays costs more (their reference counts) than a short body.
+    inlined = numba.njit(cache=True, error_model="numpy", inline="always")

@@ -78,6 +78,12 @@ def ring_of_arms(radius: float, lines: list[tuple[Point, Point]], elbows: str, *
 
 
 @pytest.fixture(scope="session")
+def joint_spline() -> Callable[[Floats], JointPath]:
+    """Makes a natural spline over equal shares of the path from joint positions (K, n)."""
+    return JointSpline
+
+
+@pytest.fixture(scope="session")
 def lee1991() -> Cell:
     """The bundled cell of the 1991 paper; immutable, so built once."""
     return load_cell("lee1991")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from itertools import combinations
 from typing import Any
@@ -9,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.agents import Policy, SchedulePolicy, VciPolicy, make_policy, run_episode
+from armtempo.agents import ExecutionPolicy, Policy, make_policy, run_episode
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import METHODS, Cell, Schedule, plan_vci
+from armtempo.planners import METHODS, Cell, Schedule, ScheduleExecution, VciExecution, plan_vci
 
 coal: Any = import_module("coal")  # it tells type checkers nothing
 
@@ -60,7 +61,7 @@ def test_schedules_of_the_paper(lee1991: Cell, name: str, late: float) -> None:
 def test_three_arms_in_two_ways(trio: Cell) -> None:
     motions, _ = plan_vci(trio.planes, trio.chart_between, (0, 1, 2), trio.control_period)
     plan = Schedule(method="vci", cell=trio, trajectories=motions, order=(0, 1, 2))
-    for policy in (SchedulePolicy(plan), VciPolicy(trio)):
+    for policy in (ExecutionPolicy(partial(ScheduleExecution, plan)), ExecutionPolicy(partial(VciExecution, trio))):
         assert audit(trio, policy, 0.05) >= trio.d_min
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import permutations
 
 import numpy as np
 import pytest
 
-from armtempo.agents import PhasePlanePolicy, Policy, SchedulePolicy, VciPolicy, run_episode, to_action
+from armtempo.agents import ExecutionPolicy, PhasePlanePolicy, Policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, Mode, Schedule, ScheduleExecution, plan_vci
+from armtempo.planners import Cell, Mode, Schedule, ScheduleExecution, VciExecution, plan_vci
 
 
 def planned(cell: Cell, order: tuple[int, ...] | None = None) -> Schedule:
@@ -69,7 +70,7 @@ def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Ph
         done += 1
         if done > 2:
             break
-        trace = run(cell, SchedulePolicy(plan), physics=physics, mode=mode)
+        trace = run(cell, ExecutionPolicy(partial(ScheduleExecution, plan)), physics=physics, mode=mode)
         assert trace.violations == 0
         assert plan.makespan - 1e-3 < trace.makespan < 1.08 * plan.makespan  # the price of being able to brake
         assert trace.torque_ratio_max <= 1.0 + 1e-3
@@ -85,7 +86,7 @@ def test_full_speed_for_all_collides(cell: Cell) -> None:
 @pytest.mark.parametrize("late", [0.03, 0.15])
 def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
     plan = planned(cell)
-    trace = run(cell, SchedulePolicy(plan), physics=physics, late=late)
+    trace = run(cell, ExecutionPolicy(partial(ScheduleExecution, plan)), physics=physics, late=late)
     assert trace.violations == 0
     assert trace.makespan <= 1.08 * plan.makespan + late + 5.0 * cell.control_period
 
@@ -93,14 +94,14 @@ def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
 @pytest.mark.parametrize("physics", PHYSICS)
 @pytest.mark.parametrize("late", [0.03, 0.15])
 def test_velocity_control_behind_a_late_first_arm(trio: Cell, late: float, physics: Physics) -> None:
-    trace = run(trio, VciPolicy(trio), physics=physics, late=late)
+    trace = run(trio, ExecutionPolicy(partial(VciExecution, trio)), physics=physics, late=late)
     assert trace.violations == 0
     assert trace.makespan <= 1.08 * planned(trio).makespan + late + 5.0 * trio.control_period
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_velocity_control_behind_arms_that_stop_and_go(trio: Cell, seed: int) -> None:
-    trace = run(trio, Disturbed(VciPolicy(trio), seed))
+    trace = run(trio, Disturbed(ExecutionPolicy(partial(VciExecution, trio)), seed))
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
 
@@ -109,7 +110,7 @@ def test_velocity_control_behind_arms_that_stop_and_go(trio: Cell, seed: int) ->
 def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
     """Any of them, also those that the others wait for: no collision, no deadlock."""
     plan = planned(cell)
-    trace = run(cell, Disturbed(SchedulePolicy(plan), seed))
+    trace = run(cell, Disturbed(ExecutionPolicy(partial(ScheduleExecution, plan)), seed))
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
     assert trace.makespan >= plan.makespan - 1e-3
@@ -117,7 +118,7 @@ def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 def test_velocity_control_on_line(cell: Cell, mode: Mode) -> None:
-    trace = run(cell, VciPolicy(cell), mode=mode)
+    trace = run(cell, ExecutionPolicy(partial(VciExecution, cell)), mode=mode)
     assert trace.violations == 0
     assert trace.makespan == pytest.approx(planned(cell).makespan, rel=0.1)
 
@@ -155,7 +156,10 @@ def test_one_agent_acts_alone(cell: Cell) -> None:
     """A policy that is asked for one arm takes the places of the others from the simulation."""
     env = CoordinationEnv(cell, physics="ideal")
     observations, _ = env.reset(seed=0)
-    for policy in (SchedulePolicy(planned(cell)), VciPolicy(cell)):
+    for policy in (
+        ExecutionPolicy(partial(ScheduleExecution, planned(cell))),
+        ExecutionPolicy(partial(VciExecution, cell)),
+    ):
         policy.reset(0)
         whole = policy.act(observations, env)
         policy.reset(0)

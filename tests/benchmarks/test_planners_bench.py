@@ -139,7 +139,9 @@ def test_path_coefficients(benchmark: Any, lee1991: Cell) -> None:
         )
         * 10
     )
-    benchmark.extra_info["ratio_to_a_python_loop"] = loop / benchmark.stats.stats.min
+    ratio = loop / benchmark.stats.stats.min
+    benchmark.extra_info["ratio_to_a_python_loop"] = ratio
+    assert ratio > 5.0
 
 
 def test_chart_against_brute_force(benchmark: Any, lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,20 +170,24 @@ def test_chart_against_brute_force(benchmark: Any, lee1991: Cell, capsys: pytest
 
 def test_one_tick_of_a_motion(benchmark: Any, lee1991: Cell) -> None:
     plane = lee1991.planes[0]
-    benchmark(plane.advance, 0.1, 1.0, 0.7, 0.001)
+    lam, mu, used = benchmark(plane.advance, 0.1, 1.0, 0.7, 0.001)
+    assert (used, lam > 0.1, mu <= plane.edge_speed(lam)) == (0.001, True, True)
 
 
 def test_controllable_sets(benchmark: Any, lee1991: Cell) -> None:
-    benchmark(PhasePlane, lee1991.dynamics[0])
+    plane = benchmark(PhasePlane, lee1991.dynamics[0])
+    assert plane.holdable.all()
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_schedules(benchmark: Any, lee1991: Cell, method: str) -> None:
     schedule(lee1991, method)  # charts and minimum times are made once per cell
-    benchmark.pedantic(schedule, (lee1991, method), rounds=5)
+    plan = benchmark.pedantic(schedule, (lee1991, method), rounds=5)
+    assert plan.makespan >= lee1991.lower_bound
 
 
 def test_lower_bound(benchmark: Any, lee1991: Cell) -> None:
     from armtempo.planners import makespan_bound
 
-    benchmark.pedantic(makespan_bound, (*lee1991.fastest, lee1991.bound_chart), rounds=5, warmup_rounds=1)
+    bound = benchmark.pedantic(makespan_bound, (*lee1991.fastest, lee1991.bound_chart), rounds=5, warmup_rounds=1)
+    assert max(motion.duration for motion in lee1991.fastest) <= bound <= schedule(lee1991, "delay").makespan

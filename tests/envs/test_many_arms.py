@@ -146,7 +146,9 @@ _SCRIPT = """
 import hashlib, sys
 import numpy as np
 from armtempo.configs import CellConfig
-from armtempo.agents import VciPolicy, SchedulePolicy
+from functools import partial
+from armtempo.agents import ExecutionPolicy
+from armtempo.planners import ScheduleExecution, VciExecution
 from armtempo.envs import CoordinationEnv
 from armtempo.planners import Schedule, build_cell, load_cell, plan_vci
 
@@ -159,7 +161,7 @@ motions, _ = plan_vci(cell.planes, cell.chart_between, (0, 1, 2), cell.control_p
 plan = Schedule(method="vci", cell=cell, trajectories=motions, order=(0, 1, 2))
 for physics in ("bullet", "ideal"):
     env = CoordinationEnv(cell, physics=physics, master_late_s=0.02)
-    for policy in (VciPolicy(cell), SchedulePolicy(plan)):
+    for policy in (ExecutionPolicy(partial(VciExecution, cell)), ExecutionPolicy(partial(ScheduleExecution, plan))):
         observations, _ = env.reset(seed=0)
         policy.reset(0)
         while env.agents:

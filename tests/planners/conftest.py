@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
+from numpy.typing import NDArray
 
 from armtempo.configs import data_path
 from armtempo.planners import CoordinationChart, JointPath, PathDynamics, PhasePlane, TimingProblem
@@ -20,27 +19,6 @@ from armtempo.robots import Arm
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 VERTICAL = (0.0, -9.81, 0.0)  # gravity in the plane of motion
-
-
-class SplinePath(JointPath):
-    """A cubic spline through joint positions: M changes its sign where a joint turns back."""
-
-    def __init__(self, knots: Floats) -> None:
-        self._spline = CubicSpline(np.linspace(0.0, 1.0, len(knots)), knots, bc_type="natural")
-        self.length = 1.0
-        self.dof = knots.shape[1]
-        self.breakpoints = np.linspace(0.0, 1.0, len(knots))
-
-    def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Floats, Floats, Floats]:
-        lam = np.asarray(lam, dtype=np.float64)
-        return self._spline(lam), self._spline(lam, 1), self._spline(lam, 2)
-
-    def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Floats:
-        low, high = np.asarray(low), np.asarray(high)
-        lam = low[..., None] + np.linspace(0.0, 1.0, 9) * (high - low)[..., None]
-        loose = 0.0625 * (high - low)[..., None] * np.abs(self._spline(np.linspace(0.0, 1.0, 2001), 2)).max(axis=0)
-        bound: Floats = np.abs(self._spline(lam, 1)).max(axis=-2) + loose
-        return bound
 
 
 @pytest.fixture(scope="session")
@@ -55,7 +33,9 @@ def make_arm() -> Callable[..., Arm]:
 
 
 @pytest.fixture(scope="session")
-def spline_dynamics(make_arm: Callable[..., Arm]) -> Callable[..., PathDynamics]:
+def spline_dynamics(
+    make_arm: Callable[..., Arm], joint_spline: Callable[[Floats], JointPath]
+) -> Callable[..., PathDynamics]:
     """Rows of a seeded random spline path of the paper's arm, with gravity in its plane or without."""
 
     def make(
@@ -63,7 +43,7 @@ def spline_dynamics(make_arm: Callable[..., Arm]) -> Callable[..., PathDynamics]
     ) -> PathDynamics:
         knots = np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 2))
         arm = make_arm(gravity=VERTICAL if gravity else (0.0, 0.0, -9.81), torque_max=limits)
-        return PathDynamics.from_path(arm, SplinePath(knots), intervals=intervals)
+        return PathDynamics.from_path(arm, joint_spline(knots), intervals=intervals)
 
     return make
 

@@ -266,6 +266,18 @@ def test_what_cannot_be_planned_is_refused() -> None:
         minimum_time(bare(speed_max=np.zeros(11)))
 
 
+@pytest.mark.parametrize("missing", ["torque_min", "torque_max"])
+def test_a_missing_limit_leaves_the_other_one(missing: str) -> None:
+    """Speeding up (or braking) is bounded by 1 alone; the other way by nothing but the grid."""
+    limits = {"torque_min": [-1.0], "torque_max": [1.0]}
+    huge = 1e3 if missing == "torque_max" else -1e3
+    none = PhasePlane(bare(**{**limits, missing: [math.copysign(math.inf, huge)]})).fastest()
+    wanted = PhasePlane(bare(**{**limits, missing: [huge]})).fastest()
+    assert none.duration == pytest.approx(wanted.duration, rel=1e-6)
+    bounded = none.mu_dot.max() if missing == "torque_min" else -none.mu_dot.min()
+    assert bounded <= 1.0 + 1e-9
+
+
 def test_a_station_without_speed_in_the_middle_is_refused() -> None:
     speed = np.full(11, np.inf)
     speed[5] = 0.0

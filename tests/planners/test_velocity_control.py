@@ -289,6 +289,20 @@ def test_a_start_in_the_way_and_a_master_that_parks_there(lee1991: Cell) -> None
     assert end.value.data["reason"] == "parked in the way"
 
 
+def test_a_slave_does_not_park_where_the_master_still_has_to_pass(lee1991: Cell) -> None:
+    """Its end is in the region: having arrived there is not having left it."""
+    for region in ((0.9, 0.95, 0.9, 1.0), (0.6, 0.95, 0.7, 1.0)):
+        chart = boxes(lee1991.chart, region)
+        own = control(lee1991, chart=chart)
+        plan = own.plan(lee1991.fastest[:1])
+        assert free_all_the_way(chart, lee1991.fastest[0], plan.trajectory, plan.trajectory.duration + 0.1)
+        master_out = float(lee1991.fastest[0].time_at(0.95 * chart.length_a))
+        assert plan.trajectory.duration > master_out
+        near = 0.85 * region[2] * chart.length_b
+        stands = (region[0] * chart.length_a, 0.0)
+        assert own.guarded(1.0, near, 0.9 * lee1991.planes[1].edge_speed(near), [stands]) < 1.0
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_on_line_leaving_first_is_safe_behind_any_master(lee1991: Cell, seed: int) -> None:
     """The slave runs through in front of the master as long as it surely gets out; else it waits."""
