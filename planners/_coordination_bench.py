@@ -237,9 +237,7 @@ def _of_optimal(cells: Sequence[Mapping[str, BenchResult]]) -> list[Claim]:
 
 def _of_vci(cells: Sequence[Mapping[str, BenchResult]]) -> list[Claim]:
     pairs = [(plans["vci"], plans["interval"]) for plans in cells if {"vci", "interval"} <= plans.keys()]
-    planned = [
-        (vci, order) for vci, interval in pairs for order, value in interval.orders.items() if value is not None
-    ]
+    planned = [(vci, order) for vci, interval in pairs for order, value in interval.orders.items() if value is not None]
     text = "vci has a plan in every order in which interval has one"
     checks = (f"{vci.cell}, order {order}" if vci.orders[order] is None else "" for vci, order in planned)
     return [_claim(text, checks)] if pairs else []
@@ -249,9 +247,7 @@ def _of_delay(cells: Sequence[Mapping[str, BenchResult]]) -> list[Claim]:
     pairs = [
         (plans["delay"], plans["vci"])
         for plans in cells
-        if {"delay", "vci"} <= plans.keys()
-        and plans["vci"].solved
-        and plans["vci"].labels.priority_class == "uniform"
+        if {"delay", "vci"} <= plans.keys() and plans["vci"].solved and plans["vci"].labels.priority_class == "uniform"
     ]
     checks = (
         f"{delay.cell}: delay {delay.makespan:.4f} s, vci {vci.makespan:.4f} s"

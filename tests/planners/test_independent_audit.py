@@ -67,7 +67,9 @@ SHAPES = [
 ]
 
 
-@pytest.mark.parametrize("pair", list(combinations_with_replacement(SHAPES, 2)), ids=lambda p: f"{p[0].kind}-{p[1].kind}")
+@pytest.mark.parametrize(
+    "pair", list(combinations_with_replacement(SHAPES, 2)), ids=lambda p: f"{p[0].kind}-{p[1].kind}"
+)
 def test_no_engine_reads_too_long_nor_shorter_than_it_forgives(pair: tuple[Shape, Shape]) -> None:
     generator = np.random.default_rng(1)
     count = 300

@@ -106,7 +106,7 @@ def test_other_versions_and_missing_arrays_are_named(file: Path, tmp_path: Path)
         load_instance(tmp_path / "later.npz")
     del arrays["arm1_M"]
     np.savez(tmp_path / "less.npz", **arrays)
-    with pytest.raises(InputError, match="is no instance.*arm1_M"):
+    with pytest.raises(InputError, match=r"is no instance.*arm1_M"):
         load_instance(tmp_path / "less.npz")
 
 
