@@ -35,17 +35,10 @@ IDEAL_FCL_BELOW = 0.05  # [m] above d_min: nearer than this the ideal clearance 
 
 
 def _levers(arm: Arm) -> Array:
-    """(n,) the farthest that a point of the arm's shapes can be from the axis of each joint [m]; 1 where it slides."""
-    model = arm.model
-    slide = np.where(model.prismatic, np.maximum(np.abs(arm.position_min), np.abs(arm.position_max)), 0.0)
-    step = np.linalg.norm(model.placement_p, axis=1) + slide  # from the link before
-    reach = np.zeros(arm.dof)
-    for shape in arm.shapes:
-        p0, p1, radius = shape.capsule
-        own = max(float(np.linalg.norm(p0)), float(np.linalg.norm(p1))) + float(radius)
-        for j in range(shape.link + 1):
-            reach[j] = max(reach[j], own + slide[j] + float(step[j + 1 : shape.link + 1].sum()))
-    return np.where(model.prismatic, 1.0, reach)
+    """(n,) how far a point of the arm's shapes gets, at most, per radian or metre of each joint."""
+    ends, radius = np.stack([arm.capsules.p0, arm.capsules.p1]), arm.capsules.radius
+    reach = np.linalg.norm(ends, axis=2).max(axis=0) + radius
+    return arm.levers(reach, np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))).max(axis=1, initial=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -89,16 +89,9 @@ class ArmSweep:
 
     def _slack(self, points: list[Array]) -> Array:
         """(samples, shapes): how far a point may be from where the nearest sample has it."""
-        model = self.arm.model
-        out = np.abs(self.q).max(axis=0) + 0.5 * self.step * self.speed.max(axis=0)
-        offsets = np.linalg.norm(model.placement_p, axis=1) + np.where(model.prismatic, out, 0.0)  # slides lengthen it
-        lever = np.zeros((self.arm.dof, len(points)))
-        for k, own in enumerate(points):
-            link = int(self.arm.capsules.link[k])
-            reach = float(np.linalg.norm(own, axis=1).max())
-            for j in range(link + 1):
-                lever[j, k] = 1.0 if model.prismatic[j] else reach + float(offsets[j + 1 : link + 1].sum())
-        return 0.5 * self.step * (self.speed @ lever)
+        reach = np.array([np.linalg.norm(own, axis=1).max() for own in points])
+        q_max = np.abs(self.q).max(axis=0) + 0.5 * self.step * self.speed.max(axis=0)
+        return 0.5 * self.step * (self.speed @ self.arm.levers(reach, q_max))
 
     @cached_property
     def capsule_moves(self) -> dict[int, Array]:

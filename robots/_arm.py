@@ -260,6 +260,21 @@ class Arm:
         kernels.batch_jacobian(self.model, rows, J)
         return J.reshape(*lead, 6, self.dof)
 
+    def levers(self, reach: Floats, q_max: Floats) -> Floats:
+        """(n, shapes) how far a point of each shape gets, at most, per radian or metre of each joint.
+
+        Args:
+            reach: (shapes,) how far the points are from the origin of their link [m].
+            q_max: (n,) how far the joints are from zero; what counts is how far slides stand out [m].
+        """
+        model = self.model
+        step = np.linalg.norm(model.placement_p, axis=1) + np.where(model.prismatic, q_max, 0.0)  # from link to link
+        lever = np.zeros((self.dof, len(reach)))
+        for k, link in enumerate(self.capsules.link):
+            for j in range(link + 1):
+                lever[j, k] = 1.0 if model.prismatic[j] else reach[k] + step[j + 1 : link + 1].sum()
+        return lever
+
     def mass_matrix(self, q: ArrayLike) -> Floats:
         """Joint-space inertia J(q) (..., n, n) of Lee1991 eq. 1 [kg m^2, kg m or kg]."""
         rows, lead = self._rows(q, "q")
