@@ -38,7 +38,9 @@ def _levers(arm: Arm) -> Array:
     """(n,) how far a point of the arm's shapes gets, at most, per radian or metre of each joint."""
     ends, radius = np.stack([arm.capsules.p0, arm.capsules.p1]), arm.capsules.radius
     reach = np.linalg.norm(ends, axis=2).max(axis=0) + radius
-    return arm.levers(reach, np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))).max(axis=1, initial=0.0)
+    q_max = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
+    most: Array = arm.levers(reach, q_max).max(axis=1, initial=0.0)
+    return most
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

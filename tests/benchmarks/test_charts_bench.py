@@ -134,6 +134,6 @@ def test_clearance_table(benchmark: Any, panda_pair: Callable[[int], Pair]) -> N
     clearance = Clearance(arms)
     last = len(table.distance) - 1
     for node in np.random.default_rng(0).integers(0, last + 1, (200, 2)):
-        q = [path.evaluate(path.length * k / last)[0] for path, k in zip(paths, node, strict=True)]
-        truth = clearance.between(0, 1, *q).distance
+        one, other = (path.evaluate(path.length * k / last)[0] for path, k in zip(paths, node, strict=True))
+        truth = clearance.between(0, 1, one, other).distance
         assert min(truth - 5e-4, 0.06) <= table.distance[tuple(node)] <= truth + 1e-6
