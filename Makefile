@@ -10,6 +10,8 @@ PYTHON ?= python3
 TORCH ?= torch==2.13.0
 # More arguments for pytest: make test ARGS="tests/configs -x"
 ARGS ?=
+# Test files go to as many processes as there are cores; WORKERS=0 keeps to one.
+WORKERS ?= auto
 
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
@@ -21,7 +23,7 @@ run: .venv/.run-ready
 	$(BIN)/armtempo evaluate lee1991
 
 test: .venv/.test-ready
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 check: .venv/.test-ready
 	$(BIN)/ruff check .

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from armtempo.commands._output import JsonFile, Output, new_table, number, shown
 if TYPE_CHECKING:
     from armtempo.planners import BenchResult, Claim
 
+Family = Literal["planar", "panda", "iiwa"]  # of the benchmark set
 DEFAULT_METHODS = ("sequential", "delay", "offset", "vci", "interval", "optimal")
 ARMS_METHODS = ("delay", "interval", "optimal")
 
@@ -21,7 +23,7 @@ ARMS_METHODS = ("delay", "interval", "optimal")
 def bench_coordination(
     *,
     split: Literal["train", "validation", "test", "all"] = "test",
-    families: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = (),
+    families: Annotated[tuple[Family, ...], tyro.conf.arg(help_behavior_hint="(default: all)")] = (),
     methods: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = DEFAULT_METHODS,
     limit: Annotated[int | None, tyro.conf.arg(metavar="K", help_behavior_hint="(default: all)")] = None,
     audit: Literal["auto", "coal", "pybullet", "none"] = "auto",
@@ -31,7 +33,7 @@ def bench_coordination(
 
     Args:
         split: Which part of the set.
-        families: Only these: planar, panda, iiwa.
+        families: Only these.
         methods: Planning methods; "armtempo plan --help" lists them. Those that go by priority get both orders of two
             arms, and the better plan counts.
         limit: At most so many cells, spread over the split.
@@ -63,7 +65,7 @@ def bench_coordination(
             progress.update(task, description=f"Planning {instance.name}")
             cell = instance.build()
             results += bench_cell(cell, instance.labels, methods, engine=engine, family=instance.family)
-            if abs(cell.lower_bound - instance.labels.lower_bound) > 1e-6 * cell.lower_bound:
+            if not math.isclose(cell.lower_bound, instance.labels.lower_bound, rel_tol=1e-6):
                 changed.append(instance.name)
             progress.advance(task)
     claims = bench_claims(results)

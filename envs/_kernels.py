@@ -96,7 +96,7 @@ def control(
 def moved_closer(before: Array, now: Array, lever: Array) -> float:
     """By how much, at most, two arms have come closer [m] between joint positions (A, n): the two that moved most.
 
-    ``lever`` (A, n): the farthest that a point of the arm can be from the axis of each joint (1 for sliding ones).
+    ``lever`` (A, n): how far a point of the arm gets, at most, per radian or metre of each joint.
     """
     most, second = 0.0, 0.0
     for i in range(now.shape[0]):

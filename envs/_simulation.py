@@ -35,17 +35,12 @@ IDEAL_FCL_BELOW = 0.05  # [m] above d_min: nearer than this the ideal clearance 
 
 
 def _levers(arm: Arm) -> Array:
-    """(n,) the farthest that a point of the arm's shapes can be from the axis of each joint [m]; 1 where it slides."""
-    model = arm.model
-    slide = np.where(model.prismatic, np.maximum(np.abs(arm.position_min), np.abs(arm.position_max)), 0.0)
-    step = np.linalg.norm(model.placement_p, axis=1) + slide  # from the link before
-    reach = np.zeros(arm.dof)
-    for shape in arm.shapes:
-        p0, p1, radius = shape.capsule
-        own = max(float(np.linalg.norm(p0)), float(np.linalg.norm(p1))) + float(radius)
-        for j in range(shape.link + 1):
-            reach[j] = max(reach[j], own + slide[j] + float(step[j + 1 : shape.link + 1].sum()))
-    return np.where(model.prismatic, 1.0, reach)
+    """(n,) how far a point of the arm's shapes gets, at most, per radian or metre of each joint."""
+    ends, radius = np.stack([arm.capsules.p0, arm.capsules.p1]), arm.capsules.radius
+    reach = np.linalg.norm(ends, axis=2).max(axis=0) + radius
+    q_max = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
+    most: Array = arm.levers(reach, q_max).max(axis=1, initial=0.0)
+    return most
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -132,7 +127,7 @@ class Simulation:
         if physics == "ideal":
             below = cell.d_min + IDEAL_FCL_BELOW
             for i, j in combinations(range(arms), 2):
-                tables.append((i, j, clearance_table(cell.clearance, i, j, cell.arms, cell.paths, below)))
+                tables.append((i, j, clearance_table(i, j, cell.arms, cell.paths, below)))
         self._world = pack(cell, mode, tables)
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._starts = np.zeros((arms, width))

@@ -66,7 +66,7 @@ class ArmSweep:
         """(2 finest + 1, shapes, 2, 3) world ends of the enclosing capsules' axes at every centre and border."""
         capsules = self.arm.capsules
         out = np.empty((2 * self.finest + 1, len(capsules.link), 2, 3))
-        _world_axes(self.poses, self.base, capsules.link, np.stack([capsules.p0, capsules.p1], axis=1), out)
+        world_axes(self.poses, self.base, capsules.link, np.stack([capsules.p0, capsules.p1], axis=1), out)
         return out
 
     def _levels(self, points: list[Array]) -> dict[int, Array]:
@@ -89,15 +89,9 @@ class ArmSweep:
 
     def _slack(self, points: list[Array]) -> Array:
         """(samples, shapes): how far a point may be from where the nearest sample has it."""
-        model = self.arm.model
-        offsets = np.linalg.norm(model.placement_p, axis=1)
-        lever = np.zeros((self.arm.dof, len(points)))
-        for k, own in enumerate(points):
-            link = int(self.arm.capsules.link[k])
-            reach = float(np.linalg.norm(own, axis=1).max())
-            for j in range(link + 1):
-                lever[j, k] = 1.0 if model.prismatic[j] else reach + float(offsets[j + 1 : link + 1].sum())
-        return 0.5 * self.step * (self.speed @ lever)
+        reach = np.array([np.linalg.norm(own, axis=1).max() for own in points])
+        q_max = np.abs(self.q).max(axis=0) + 0.5 * self.step * self.speed.max(axis=0)
+        return 0.5 * self.step * (self.speed @ self.arm.levers(reach, q_max))
 
     @cached_property
     def capsule_moves(self) -> dict[int, Array]:
@@ -119,7 +113,8 @@ def swept_displacements(arm: Arm, path: JointPath, finest: int) -> dict[int, Arr
 
 
 @njit
-def _world_axes(poses: Array, base: Array, link: Ints, local: Array, out: Array) -> None:
+def world_axes(poses: Array, base: Array, link: Ints, local: Array, out: Array) -> None:
+    """World ends of the capsules' axes at len(out) of the poses, equally spaced from the first to the last."""
     per = (poses.shape[0] - 1) // (out.shape[0] - 1)
     for m in range(out.shape[0]):
         for k in range(link.shape[0]):

@@ -14,7 +14,7 @@ from armtempo.configs import CellConfig, data_path
 from armtempo.errors import UnknownNameError
 from armtempo.planners._build_cell import build_cell
 from armtempo.planners._cell import Cell
-from armtempo.planners._cell_generator import FAMILIES, CellLabels, config_of, generate_cell
+from armtempo.planners._cell_generator import CellLabels, config_of, generate_cell
 
 Split = Literal["train", "validation", "test"]
 SPLITS: tuple[str, ...] = get_args(Split)
@@ -95,7 +95,7 @@ def draw_benchmark(family: str, report: Callable[[str], None] = lambda _: None) 
     """Draw a family of the benchmark set anew: instances 0, 1, 2, ... of its seed, each kept while its kind lacks some.
 
     Args:
-        family: One of those in the set.
+        family: One of those in ``QUOTAS``.
         report: Called with one line per instance that was drawn, kept or not.
     """
     count: Counter[str] = Counter()
@@ -147,13 +147,13 @@ def benchmark_instances(split: str | None = None, *, family: str | None = None) 
 
     Args:
         split: ``train``, ``validation`` or ``test``; None: all.
-        family: One of ``FAMILIES``; None: all.
+        family: One of those in the set, ``QUOTAS``; None: all.
 
     Raises:
         UnknownNameError: No such split or family.
     """
     if split is not None and split not in SPLITS:
         raise UnknownNameError("split", split, SPLITS)
-    if family is not None and family not in FAMILIES:
-        raise UnknownNameError("family", family, FAMILIES)
+    if family is not None and family not in QUOTAS:
+        raise UnknownNameError("family", family, tuple(QUOTAS))
     return tuple(one for one in _all() if split in (None, one.split) and family in (None, one.family))

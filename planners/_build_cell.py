@@ -152,6 +152,11 @@ def _build_path(arm: Arm, cell: CellConfig, config: ArmConfig) -> JointPath:
         return JointPath.through(given.waypoints_rad, arm=arm)
     if given.waypoints_file is not None:
         return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm)
+    if arm.dof != 2:
+        raise PathError(
+            f"lines and arcs need a two-link arm in this version, and arm {arm.name!r} has {arm.dof} joints",
+            remedy="give waypoints_rad: joint positions that the path goes through",
+        )
     segments: list[Line | Arc] = []
     start = np.array(given.start_m)
     for k, segment in enumerate(given.segments):

@@ -136,7 +136,7 @@ class Cell:
             planes=self.planes,
             chart_between=self.chart_between,
             bound_chart_between=self.bound_chart_between,
-            bound_motions=self._bound_motions,
+            bound_motions=lambda: self.bound_motions,
         )
 
     @property
@@ -144,7 +144,8 @@ class Cell:
         """Per arm whether it can hold still wherever it is on its path."""
         return self.timing.holdable
 
-    def _bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
+    @cached_property
+    def bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
         """Minimum-time motions from a grid much finer than the plans', and twice what halving it changes.
 
         A grid overestimates minimum times: bounds take that share off. Where a finer grid finds a longer time (an arm

@@ -241,11 +241,9 @@ def _well_posed(cell: Cell) -> bool:
 
     What a torque limit exceeded by 0.05 % gains would be larger than any gap to the bound.
     """
-    motions = cell.timing.bound_motions
-    assert motions is not None
     return all(
         share < 0.01 and abs(plan.duration / fine.duration - 1.0) < 0.01
-        for plan, (fine, share) in zip(cell.fastest, motions(), strict=True)
+        for plan, (fine, share) in zip(cell.fastest, cell.bound_motions, strict=True)
     )
 
 

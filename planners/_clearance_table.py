@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.planners._arm_sweep import world_axes
 from armtempo.planners._disk_cache import Arrays, cached, content_key, motion_content
 from armtempo.planners._joint_path import JointPath
-from armtempo.robots import Arm, Bodies, Clearance, kernels, njit, pack_bodies, separation
+from armtempo.robots import Arm, Bodies, kernels, njit, pack_bodies, separation
 
 Array = NDArray[np.float64]
 
@@ -32,9 +33,9 @@ class ClearanceTable(NamedTuple):
 
 
 def clearance_table(
-    clearance: Clearance, i: int, j: int, arms: tuple[Arm, ...], paths: tuple[JointPath, ...], exact_below: float
+    i: int, j: int, arms: tuple[Arm, ...], paths: tuple[JointPath, ...], exact_below: float
 ) -> ClearanceTable:
-    """Tabulate the distance of arms i and j [m], as ``clearance`` would answer at every node.
+    """Tabulate the distance of arms i and j [m], as ``Clearance`` would answer at every node.
 
     Below ``exact_below`` [m] it is the distance of the real shapes, found by the kernel that charts use, FCL's
     tolerance subtracted; above, a lower bound may stand that is no smaller than ``exact_below``. Kept on disk as charts
@@ -73,18 +74,18 @@ class _Side(NamedTuple):
 
 
 def _side(arm: Arm, q: Array) -> _Side:
-    axes = np.empty((len(q), len(arm.shapes), 2, 3))
     poses = np.empty((len(q), arm.dof + 1, 4, 4))  # the base's is the last, at index -1
     poses[:, :-1] = arm.link_poses(q)
     poses[:, -1] = arm.T_world_base
-    for node, row in enumerate(np.array(q)):
-        kernels.capsule_axes(arm.model, arm.capsules, row, axes[node])
+    capsules = arm.capsules
+    axes = np.empty((len(q), len(arm.shapes), 2, 3))
+    world_axes(poses, poses[0, -1], capsules.link, np.stack([capsules.p0, capsules.p1], axis=1), axes)
     moves = np.zeros((len(q), len(arm.shapes)))
     for k, shape in enumerate(arm.shapes):
         followed = np.concatenate([np.stack(shape.capsule[:2]), shape.points])
         world = followed @ poses[:, shape.link, :3, :3].transpose(0, 2, 1) + poses[:, shape.link, None, :3, 3]
         moves[1:, k] = np.linalg.norm(np.diff(world, axis=0), axis=2).max(axis=1)
-    return _Side(axes, poses, moves, arm.capsules.radius, arm.capsules.exact, pack_bodies(arm.shapes))
+    return _Side(axes, poses, moves, capsules.radius, capsules.exact, pack_bodies(arm.shapes))
 
 
 @njit

@@ -11,8 +11,6 @@ import io
 import logging
 import os
 import sys
-import tempfile
-import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.files import whole_file
 from armtempo.planners._joint_path import JointPath
 from armtempo.robots import Arm
 
@@ -94,12 +93,8 @@ def _read(file: Path) -> Arrays | None:
     if hashlib.blake2b(content, digest_size=DIGEST).digest() != data[:DIGEST]:
         LOG.warning("%s is damaged; its content is computed again", file)
         return None
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, KeyError, zipfile.BadZipFile) as error:
-        LOG.warning("%s cannot be used (%s); its content is computed again", file, error)
-        return None
+    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
 
 
 def _write(file: Path, arrays: Arrays) -> None:
@@ -108,14 +103,7 @@ def _write(file: Path, arrays: Arrays) -> None:
     np.savez_compressed(packed, **named)
     content = packed.getvalue()
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(prefix=".", suffix=".part", dir=file.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(hashlib.blake2b(content, digest_size=DIGEST).digest() + content)
-            Path(beside).replace(file)
-        except BaseException:
-            Path(beside).unlink(missing_ok=True)
-            raise
+        with whole_file(file) as temporary:
+            temporary.write_bytes(hashlib.blake2b(content, digest_size=DIGEST).digest() + content)
     except OSError as error:
         LOG.warning("cannot write %s: %s; it will be computed again", file, error)

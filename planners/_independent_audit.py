@@ -1,17 +1,19 @@
 r"""Audits of schedules by an engine that no planner here uses, densely between the samples of the control.
 
 coal (extra ``dev``) measures convex bodies and capsules pair by pair to about 1e-6 m; its broad phase is not used
-(research: it returns some pair's distance for capsules). PyBullet gives hulls a margin of 1 mm each, so it may answer
-up to 2 mm too short.
+(research: it returns some pair's distance for capsules). PyBullet's distances of boxes and cylinders are up to 1.1 mm
+too long. So it gets them as hulls, to which it gives a margin of 1 mm each: it answers up to 2 mm too short, never too
+long.
 """
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +31,8 @@ ENGINES: tuple[Engine, ...] = ("coal", "pybullet")
 PER_PERIOD = 10  # instants per control period
 COAL_ERROR = 1e-6  # [m]
 HULL_MARGIN = 2.2e-3  # [m] by which PyBullet's distances of two hulls may be too short
+SIDES = 32  # of the prism about a cylinder
+TOO_FAT = 1.0 / math.cos(math.pi / SIDES) - 1.0  # the prism's corners, as a share of the cylinder's radius
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,15 +99,20 @@ def audit_clearance(
     shapes = [arm.shapes for arm in cell.arms]
     nearest = (_by_coal if engine == "coal" else _by_pybullet)(shapes, places)
     worst = int(nearest.argmin())
-    hulls = any(shape.vertices is not None for own in shapes for shape in own)
-    error = HULL_MARGIN if engine == "pybullet" and hulls else COAL_ERROR
     return Audit(
         engine=engine,
         instants=len(instants),
         min_clearance=float(nearest[worst]),
         time=float(instants[worst]),
-        required=cell.d_min - error,
+        required=cell.d_min - (COAL_ERROR if engine == "coal" else _bullet_error(shapes)),
     )
+
+
+def _bullet_error(shapes: Sequence[Sequence[Shape]]) -> float:
+    """By how much PyBullet's distances may be too short [m]."""
+    every = [shape for own in shapes for shape in own]
+    radius = max((shape.size[0] for shape in every if shape.kind == "cylinder"), default=0.0)
+    return COAL_ERROR if all(shape.exact for shape in every) else HULL_MARGIN + 2.0 * TOO_FAT * radius
 
 
 def _places(arm: Arm, q: Array) -> Array:
@@ -120,6 +129,7 @@ def _by_coal(shapes: Sequence[Sequence[Shape]], places: Sequence[Array]) -> Arra
         raise InputError("coal is not installed", remedy="pip install coal, or audit by pybullet") from None
     bodies = [[_coal_body(coal, shape) for shape in own] for own in shapes]
     request = coal.DistanceRequest()
+    request.gjk_tolerance = 0.1 * COAL_ERROR
     nearest = np.full(len(places[0]), np.inf)
     for row in range(len(nearest)):
         frames = [[coal.Transform3s(T[:3, :3], T[:3, 3]) for T in own[row]] for own in places]
@@ -174,14 +184,23 @@ def _by_pybullet(shapes: Sequence[Sequence[Shape]], places: Sequence[Array]) -> 
 
 def _bullet_body(pybullet: Any, client: int, shape: Shape) -> int:
     create: Callable[..., int] = pybullet.createCollisionShape
-    if shape.vertices is not None:
-        form = create(pybullet.GEOM_MESH, vertices=shape.vertices.tolist(), physicsClientId=client)
-    elif shape.kind == "box":
-        half = [0.5 * side for side in shape.size]
-        form = create(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
-    elif shape.kind == "sphere":
+    if shape.kind == "sphere":
         form = create(pybullet.GEOM_SPHERE, radius=shape.size[0], physicsClientId=client)
+    elif shape.kind == "capsule":
+        radius, length = shape.size
+        form = create(pybullet.GEOM_CAPSULE, radius=radius, height=length, physicsClientId=client)
     else:
-        kind = pybullet.GEOM_CAPSULE if shape.kind == "capsule" else pybullet.GEOM_CYLINDER
-        form = create(kind, radius=shape.size[0], height=shape.size[1], physicsClientId=client)
+        form = create(pybullet.GEOM_MESH, vertices=_hull_points(shape).tolist(), physicsClientId=client)
     return int(pybullet.createMultiBody(1.0, form, physicsClientId=client))
+
+
+def _hull_points(shape: Shape) -> Array:
+    """(v, 3) points whose hull holds a shape, in its frame: of a cylinder, a prism about it."""
+    if shape.vertices is not None:
+        return shape.vertices
+    if shape.kind == "box":
+        return np.array(list(product(*((-0.5 * side, 0.5 * side) for side in shape.size))))
+    radius, length = shape.size
+    turn = np.arange(SIDES) * (2.0 * math.pi / SIDES)
+    rim = radius * (1.0 + TOO_FAT) * np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.concatenate([np.column_stack([rim, np.full(SIDES, end)]) for end in (-0.5 * length, 0.5 * length)])

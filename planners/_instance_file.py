@@ -8,7 +8,8 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -45,8 +46,6 @@ class Instance:
         family: What kind of arms, empty if it was not generated.
         labels: What is known of it.
         timing: Phase planes, charts and bound.
-        d_min: Smallest allowed distance [m].
-        planned_clearance: What plans keep [m].
         control_period: Time between two decisions [s].
     """
 
@@ -54,14 +53,11 @@ class Instance:
     family: str
     labels: CellLabels
     timing: TimingProblem
-    d_min: float
-    planned_clearance: float
     control_period: float
 
     @classmethod
     def of(cls, cell: Cell, labels: CellLabels, *, family: str = "") -> Instance:
         """A cell's planes, charts and bound motions, with no plan made yet."""
-        motions = _bound_motions(cell)
         return cls(
             name=cell.name,
             family=family,
@@ -71,21 +67,32 @@ class Instance:
                 planes=cell.planes,
                 chart_between=cell.chart_between,
                 bound_chart_between=cell.bound_chart_between,
-                bound_motions=lambda: motions,
+                bound_motions=lambda: cell.bound_motions,
             ),
-            d_min=cell.d_min,
-            planned_clearance=cell.planned_clearance,
             control_period=cell.control_period,
         )
 
-    def plan(self, method: str, *, order: tuple[int, ...] | None = None) -> Motions:
-        """Motions of all arms by one of ``PLANNED``, as ``schedule`` plans the cell.
+    def plan(self, method: str, *, order: Sequence[int] | None = None) -> Motions:
+        """Motions of all arms by one of ``PLANNED``, as they leave the planner.
+
+        ``schedule`` certifies these motions on the cell's joints, and gives up a ``vci`` plan that fails for one by
+        ``interval``; here are no joints to certify, and ``vci`` stands as it is.
+
+        Args:
+            method: One of ``PLANNED``.
+            order: Arms by priority, by default as in the cell; ``optimal`` finds its own.
 
         Raises:
             UnknownNameError: No such method.
+            InputError: ``order`` does not name every arm once.
             InfeasibleError: The method has no plan.
         """
-        order = self.timing.arms if order is None else order
+        order = self.timing.arms if order is None else tuple(order)
+        if sorted(order) != list(self.timing.arms):
+            raise InputError(
+                f"order {order} does not name each of the {len(self.timing.arms)} arms once",
+                remedy="give their indices, the first never yields",
+            )
         if method == "delay":
             return delayed(self.timing, self.timing.fastest, order)
         if method == "offset":
@@ -97,12 +104,6 @@ class Instance:
         if method == "optimal":
             return optimal(self.timing)[0]
         raise UnknownNameError("method", method, PLANNED)
-
-
-def _bound_motions(cell: Cell) -> tuple[tuple[PhaseTrajectory, float], ...]:
-    motions = cell.timing.bound_motions
-    assert motions is not None
-    return motions()
 
 
 def pack_states(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -120,8 +121,7 @@ def unpack_states(packed: NDArray[np.uint8], resolution: int) -> NDArray[np.uint
 def save_instance(file: Path, cell: Cell, labels: CellLabels, *, family: str = "") -> None:
     """Write a cell's charts, path coefficients, minimum-time motions of its bound and labels, whole or not at all."""
     arrays: dict[str, Any] = {}
-    motions = _bound_motions(cell)
-    for i, (plane, (motion, share)) in enumerate(zip(cell.planes, motions, strict=True)):
+    for i, (plane, (motion, share)) in enumerate(zip(cell.planes, cell.bound_motions, strict=True)):
         arrays |= {f"arm{i}_{name}": getattr(plane.dynamics, name) for name in COEFFICIENTS}
         arrays |= {f"arm{i}_bound_{name}": getattr(motion, name) for name in ("lam", "mu", "time")}
         arrays[f"arm{i}_bound_share"] = share
@@ -136,8 +136,6 @@ def save_instance(file: Path, cell: Cell, labels: CellLabels, *, family: str = "
         "arms": [arm.name for arm in cell.arms],
         "joints": [plane.dynamics.joints for plane in cell.planes],
         "mu_end": [plane.mu_end for plane in cell.planes],
-        "d_min_m": cell.d_min,
-        "planned_clearance_m": cell.planned_clearance,
         "control_period_s": cell.control_period,
         "labels": labels.record(),
     }
@@ -153,17 +151,20 @@ def load_instance(file: str | Path) -> Instance:
         InputError: The file cannot be read, or is no instance of this version.
     """
     path = Path(file)
+    remedy = "armtempo cells generate --out DIR"
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         head = json.loads(arrays["head"].tobytes())
-        if head["version"] != VERSION:
-            raise InputError(f"{path}: version {head['version']}, this reads {VERSION}", remedy="generate it again")
+        version = head["version"]
+    except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: is no instance: {error!r}", remedy=remedy) from error
+    if version != VERSION:
+        raise InputError(f"{path}: version {version}, this reads {VERSION}", remedy="generate it again")
+    try:
         return _instance(head, arrays)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: is no instance: {error}", remedy="armtempo cells generate --out DIR") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is no instance: {error!r}", remedy=remedy) from error
 
 
 def _instance(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Instance:
@@ -199,7 +200,5 @@ def _instance(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> In
         family=head["family"],
         labels=CellLabels.from_record(head["labels"]),
         timing=timing,
-        d_min=head["d_min_m"],
-        planned_clearance=head["planned_clearance_m"],
         control_period=head["control_period_s"],
     )

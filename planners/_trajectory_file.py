@@ -51,7 +51,7 @@ class JointTrajectory:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
-        shape = (len(np.atleast_1d(self.time)), len(self.joint_names))
+        shape = (_read_only(self.time, "time").size, len(self.joint_names))
         for name in ("time", *KEYS):
             value = _read_only(getattr(self, name), name)
             wanted = shape[:1] if name == "time" else shape

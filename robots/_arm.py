@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from armtempo.errors import RobotError
 from armtempo.robots import kernels
 from armtempo.robots._model import ArmModel, Capsules, Floats
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
-from armtempo.robots._urdf import ChainJoint, Unphysical, merge_inertia, read_urdf
+from armtempo.robots._urdf import Chain, ChainJoint, Unphysical, merge_inertia, read_urdf
 
 __all__ = ["Arm", "Tool"]
 
@@ -162,47 +162,10 @@ class Arm:
         viscous = _filled([joint.damping for joint in joints], joints, "damping", damping)
         dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", coulomb)
 
-        bodies = [joint.body for joint in joints]
-        shapes = list(chain.shapes)
-        T_tip = chain.T_last_tip
         if tool is not None:
-            assert tool.T_link_tool is not None
-            assert tool.com is not None
-            assert tool.inertia is not None
-            T_tip = T_tip @ tool.T_link_tool
-            R, p = T_tip[:3, :3], T_tip[:3, 3]
-            last = bodies[-1]
-            carried = (tool.mass, R @ tool.com + p, R @ tool.inertia @ R.T)
-            bodies[-1] = merge_inertia([(last.mass, last.com, last.inertia), carried])
-            if tool.hull is not None:
-                shapes.append(make_shape("convex", (), T_tip, link=n - 1, link_name="tool", vertices=tool.hull))
-
-        known = {shape.link_name for shape in shapes}
-        for name_of_link in (link for pair in ignored_pairs for link in pair):
-            if name_of_link not in known:
-                raise RobotError(
-                    f"{file}: ignored_pairs: no link {name_of_link!r} with a collision shape",
-                    remedy=f"links: {', '.join(sorted(known))}",
-                    file=str(file),
-                    element=name_of_link,
-                )
-        prismatic = np.array([joint.type == "prismatic" for joint in joints])
-        prismatic.setflags(write=False)
-        model = ArmModel(
-            placement_R=_frozen([joint.T_before_link[:3, :3] for joint in joints]),
-            placement_p=_frozen([joint.T_before_link[:3, 3] for joint in joints]),
-            axis=_frozen([joint.axis for joint in joints]),
-            prismatic=prismatic,
-            mass=_frozen([body.mass for body in bodies]),
-            com=_frozen([body.com for body in bodies]),
-            inertia=_frozen([body.inertia for body in bodies]),
-            damping=viscous,
-            gravity=_frozen(g),
-            base_R=_frozen(T_base[:3, :3]),
-            base_p=_frozen(T_base[:3, 3]),
-            tip_R=_frozen(T_tip[:3, :3]),
-            tip_p=_frozen(T_tip[:3, 3]),
-        )
+            chain = _with_tool(chain, tool)
+        _check_pairs(file, ignored_pairs, chain.shapes)
+        model = _model(chain, viscous, g, T_base)
         return cls(
             name=name or chain.name,
             urdf=file,
@@ -219,11 +182,11 @@ class Arm:
             acceleration_max=acceleration,
             damping=viscous,
             coulomb=dry,
-            shapes=tuple(shapes),
+            shapes=chain.shapes,
             ignored_pairs=tuple((a, b) for a, b in ignored_pairs),
             model=model,
-            capsules=pack(shapes),
-            T_link_tip=_frozen(T_tip),
+            capsules=pack(chain.shapes),
+            T_link_tip=_frozen(chain.T_last_tip),
         )
 
     def _rows(self, values: ArrayLike, what: str) -> tuple[Floats, tuple[int, ...]]:
@@ -260,6 +223,21 @@ class Arm:
         kernels.batch_jacobian(self.model, rows, J)
         return J.reshape(*lead, 6, self.dof)
 
+    def levers(self, reach: Floats, q_max: Floats) -> Floats:
+        """(n, shapes) how far a point of each shape gets, at most, per radian or metre of each joint.
+
+        Args:
+            reach: (shapes,) how far the points are from the origin of their link [m].
+            q_max: (n,) how far the joints are from zero; what counts is how far slides stand out [m].
+        """
+        model = self.model
+        step = np.linalg.norm(model.placement_p, axis=1) + np.where(model.prismatic, q_max, 0.0)  # from link to link
+        lever = np.zeros((self.dof, len(reach)))
+        for k, link in enumerate(self.capsules.link):
+            for j in range(link + 1):
+                lever[j, k] = 1.0 if model.prismatic[j] else reach[k] + step[j + 1 : link + 1].sum()
+        return lever
+
     def mass_matrix(self, q: ArrayLike) -> Floats:
         """Joint-space inertia J(q) (..., n, n) of Lee1991 eq. 1 [kg m^2, kg m or kg]."""
         rows, lead = self._rows(q, "q")
@@ -286,6 +264,55 @@ class Arm:
         if friction:
             tau += self.damping * speed + self.coulomb * np.sign(speed)
         return tau.reshape(*lead, self.dof)
+
+
+def _with_tool(chain: Chain, tool: Tool) -> Chain:
+    assert tool.T_link_tool is not None
+    assert tool.com is not None
+    assert tool.inertia is not None
+    T_tip = chain.T_last_tip @ tool.T_link_tool
+    R, p = T_tip[:3, :3], T_tip[:3, 3]
+    *before, last = chain.joints
+    own = (last.body.mass, last.body.com, last.body.inertia)
+    body = merge_inertia([own, (tool.mass, R @ tool.com + p, R @ tool.inertia @ R.T)])
+    shapes = chain.shapes
+    if tool.hull is not None:
+        hull = make_shape("convex", (), T_tip, link=len(before), link_name="tool", vertices=tool.hull)
+        shapes = (*shapes, hull)
+    return replace(chain, joints=(*before, replace(last, body=body)), shapes=shapes, T_last_tip=T_tip)
+
+
+def _check_pairs(file: Path, pairs: Sequence[tuple[str, str]], shapes: Sequence[Shape]) -> None:
+    known = {shape.link_name for shape in shapes}
+    for link in (link for pair in pairs for link in pair):
+        if link not in known:
+            raise RobotError(
+                f"{file}: ignored_pairs: no link {link!r} with a collision shape",
+                remedy=f"links: {', '.join(sorted(known))}",
+                file=str(file),
+                element=link,
+            )
+
+
+def _model(chain: Chain, damping: Floats, gravity: Floats, T_base: Floats) -> ArmModel:
+    joints, bodies, T_tip = chain.joints, [joint.body for joint in chain.joints], chain.T_last_tip
+    prismatic = np.array([joint.type == "prismatic" for joint in joints])
+    prismatic.setflags(write=False)
+    return ArmModel(
+        placement_R=_frozen([joint.T_before_link[:3, :3] for joint in joints]),
+        placement_p=_frozen([joint.T_before_link[:3, 3] for joint in joints]),
+        axis=_frozen([joint.axis for joint in joints]),
+        prismatic=prismatic,
+        mass=_frozen([body.mass for body in bodies]),
+        com=_frozen([body.com for body in bodies]),
+        inertia=_frozen([body.inertia for body in bodies]),
+        damping=damping,
+        gravity=_frozen(gravity),
+        base_R=_frozen(T_base[:3, :3]),
+        base_p=_frozen(T_base[:3, 3]),
+        tip_R=_frozen(T_tip[:3, :3]),
+        tip_p=_frozen(T_tip[:3, 3]),
+    )
 
 
 def _check_length(given: Sequence[object] | Floats, n: int, key: str) -> None:

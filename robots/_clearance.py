@@ -20,7 +20,6 @@ from typing import NamedTuple, NoReturn
 import fcl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import qmc
 
 from armtempo.errors import RobotError
 from armtempo.robots._arm import Arm
@@ -258,7 +257,7 @@ class Clearance:
         Hulls are fatter than links: such a pair says nothing of the arm, and could never be certified.
         """
         low, high = np.maximum(arm.position_min, -math.pi), np.minimum(arm.position_max, math.pi)
-        samples = qmc.Halton(arm.dof, scramble=False).random(SELF_SAMPLES)
+        samples = np.random.default_rng(0).random((SELF_SAMPLES, arm.dof))
         touching = list(pairs)
         for share in (np.full(arm.dof, 0.5), *samples):
             if not touching:

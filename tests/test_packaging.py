@@ -78,6 +78,12 @@ def test_import_stays_light_and_load_cell_comes_when_used(tmp_path: Path) -> Non
     assert callable(armtempo.load_cell)
 
 
+def test_planners_need_no_statistics() -> None:
+    """scipy.stats alone takes half a second."""
+    code = "import sys, armtempo.planners; sys.exit('scipy.stats' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_unknown_attribute_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'armtempo' has no attribute 'load_cel'"):
         _ = armtempo.load_cel

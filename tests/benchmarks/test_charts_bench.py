@@ -129,5 +129,11 @@ def test_a_diagonal_curve(benchmark: Any, panda_pair: Callable[[int], Pair]) -> 
 
 def test_clearance_table(benchmark: Any, panda_pair: Callable[[int], Pair]) -> None:
     arms, paths = panda_pair(4)
+    table = benchmark.pedantic(clearance_table, (0, 1, arms, paths, 0.06), rounds=2, warmup_rounds=1)
+    assert np.isfinite(table.distance).all()
     clearance = Clearance(arms)
-    benchmark.pedantic(clearance_table, (clearance, 0, 1, arms, paths, 0.06), rounds=2, warmup_rounds=1)
+    last = len(table.distance) - 1
+    for node in np.random.default_rng(0).integers(0, last + 1, (200, 2)):
+        one, other = (path.evaluate(path.length * k / last)[0] for path, k in zip(paths, node, strict=True))
+        truth = clearance.between(0, 1, one, other).distance
+        assert min(truth - 5e-4, 0.06) <= table.distance[tuple(node)] <= truth + 1e-6

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import imageio.v3 as imageio
 import pytest
 
 from armtempo.commands import main
-from armtempo.planners import load_cell, load_instance
+from armtempo.planners import benchmark_instances, load_cell, load_instance
 
 
 @pytest.fixture(autouse=True)
@@ -61,6 +63,14 @@ def test_bench_coordination(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(one["reason"] for one in data["results"] if not one["solved"])
 
 
+def test_bench_tells_other_bounds(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    one = next(one for one in benchmark_instances("test", family="planar") if one.labels.status == "feasible")
+    other = replace(one, labels=replace(one.labels, lower_bound=math.inf))
+    monkeypatch.setattr("armtempo.planners.benchmark_instances", lambda *_, **__: (one, other))
+    assert main(["bench", "coordination", "--methods", "sequential", "--audit", "none", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["other_bounds"] == [other.name]
+
+
 def test_bench_arms() -> None:
     assert main(["bench", "arms", "--most", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
     rings = json.loads(Path("arms.json").read_text(encoding="utf-8"))["rings"]
@@ -73,6 +83,7 @@ def test_bench_arms() -> None:
     ("line", "words"),
     [
         (["bench", "coordination", "--methods", "magic"], "unknown method 'magic'"),
+        (["bench", "coordination", "--families", "ring"], "planar"),
         (["bench", "coordination", "--limit", "0"], "--limit must be at least 1"),
         (["bench", "arms", "--most", "9"], "--most must be 2 to 8"),
         (["cells", "generate", "--out", "cells", "--count", "0"], "--count must be at least 1"),

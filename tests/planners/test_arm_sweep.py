@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,3 +59,25 @@ def test_the_farthest_of_all_shapes(lee1991: Cell) -> None:
     moves = ArmSweep.of(arm, path, 32).shape_moves
     for cells, own in swept.items():
         np.testing.assert_array_equal(own, moves[cells].max(axis=1))
+
+
+def test_a_slide_far_out_behind_a_turning_joint(tmp_path: Path) -> None:
+    """The lever of the turning joint is how far the slide stands out, not the chain where all joints are zero."""
+    body = """<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"""
+    limit = """<limit lower="-3" upper="3" effort="1" velocity="1"/>"""
+    urdf = tmp_path / "crane.urdf"
+    urdf.write_text(
+        f"""<robot name="crane"><link name="base"/><link name="boom">{body}</link><link name="ball">{body}
+        <collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="boom"/><axis xyz="0 0 1"/>{limit}</joint>
+        <joint name="slide" type="prismatic"><parent link="boom"/><child link="ball"/><axis xyz="1 0 0"/>{limit}</joint>
+        </robot>"""
+    )
+    arm = Arm.from_urdf(urdf)
+    zigzag = [[0.02 * (-1.0) ** k, 2.0 + 0.001 * k] for k in range(60)]
+    path = JointPath.through(zigzag, arm=arm)
+    sweep = ArmSweep.of(arm, path, 16)
+    points = [np.asarray(shape.points) for shape in arm.shapes]
+    for cells in (1, 4, 16):
+        for c in range(cells):
+            assert (farthest(arm, path, cells, c, points, 3000) <= sweep.shape_moves[cells][c] + 1e-12).all()

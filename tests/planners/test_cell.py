@@ -270,6 +270,15 @@ def test_a_two_link_arm_needs_its_elbow(write_cell: Cells) -> None:
         load_cell(write_cell(lambda data: data["arms"][0].pop("elbow")))
 
 
+def test_lines_are_for_two_link_arms(write_cell: Cells) -> None:
+    def swap(data: dict[str, Any]) -> None:
+        arm(data).update(urdf="pybullet_data/franka_panda/panda.urdf", limits={})
+        del arm(data)["elbow"], arm(data)["tip_link"]
+
+    with pytest.raises(PathError, match=r"arms\[0\].path.*lines and arcs need a two-link arm.*waypoints_rad"):
+        load_cell(write_cell(swap))
+
+
 def test_a_cell_travels_to_other_processes(lee1991: Cell) -> None:
     copy: Cell = pickle.loads(pickle.dumps(lee1991))
     assert copy.config == lee1991.config

@@ -23,6 +23,7 @@ from armtempo.planners import (
     label_cell,
     schedule,
 )
+from armtempo.planners._benchmark_set import draw_benchmark
 
 IN_ANOTHER_PROCESS = """
 import json
@@ -136,5 +137,6 @@ def test_records_build_the_cells_that_were_labelled() -> None:
 
 
 def test_the_generator_draws_the_set_again() -> None:
+    assert next(draw_benchmark("planar")).record() == benchmark_instances(family="planar")[0].record()
     one = benchmark_instances(family="planar")[2]
     assert generate_cell(one.family, one.seed, one.index).data == one.data

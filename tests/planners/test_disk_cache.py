@@ -13,7 +13,7 @@ from armtempo.planners import CoordinationChart, JointPath, clearance_table
 from armtempo.planners import _chart_quadtree as quadtree
 from armtempo.planners import _coordination_chart as coordination_chart
 from armtempo.planners._disk_cache import cache_folder, cached, content_key
-from armtempo.robots import Arm, Clearance
+from armtempo.robots import Arm
 
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]
 
@@ -127,10 +127,9 @@ def test_keys_tell_content_apart() -> None:
 
 def test_tables_go_by_the_same_door(panda_pair: Callable[[int], Pair], folder: Path) -> None:
     arms, paths = panda_pair(1)
-    clearance = Clearance(arms)
-    first = clearance_table(clearance, 0, 1, arms, paths, 0.03)
+    first = clearance_table(0, 1, arms, paths, 0.03)
     (file,) = folder.iterdir()
     assert file.name.startswith("clearance-")
-    again = clearance_table(clearance, 0, 1, arms, paths, 0.03)
+    again = clearance_table(0, 1, arms, paths, 0.03)
     assert again.distance.tobytes() == first.distance.tobytes()
     assert len(list(folder.iterdir())) == 1

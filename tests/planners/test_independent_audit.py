@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from itertools import combinations_with_replacement
+
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import ENGINES, Cell, audit_clearance, default_engine, load_cell, schedule
+from armtempo.planners._independent_audit import COAL_ERROR, _bullet_error, _by_coal, _by_pybullet
+from armtempo.robots import Shape, pack_bodies, separation, static_shape
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +56,40 @@ def test_hulls(panda_pair: Cell, engine: str) -> None:
     audit = audit_clearance(panda_pair, plan.trajectories, engine=engine, period=period)  # type: ignore[arg-type]
     assert not audit.violated
     assert audit.required == pytest.approx(panda_pair.d_min, abs=2.5e-3)
+
+
+SHAPES = [
+    static_shape("box", (0.2, 0.1, 0.3)),
+    static_shape("cylinder", (0.06, 0.3)),
+    static_shape("capsule", (0.05, 0.3)),
+    static_shape("sphere", (0.08,)),
+    static_shape("convex", vertices=0.08 * np.random.default_rng(0).normal(size=(20, 3))),
+]
+
+
+@pytest.mark.parametrize(
+    "pair", list(combinations_with_replacement(SHAPES, 2)), ids=lambda p: f"{p[0].kind}-{p[1].kind}"
+)
+def test_no_engine_reads_too_long_nor_shorter_than_it_forgives(pair: tuple[Shape, Shape]) -> None:
+    generator = np.random.default_rng(1)
+    count = 300
+    places = np.tile(np.eye(4), (2, count, 1, 1, 1))
+    places[..., :3, :3] = Rotation.random(2 * count, random_state=generator).as_matrix().reshape(2, count, 1, 3, 3)
+    places[1, ..., :3, 3] = 0.17 * generator.normal(size=(count, 1, 3))
+    one, other = (pack_bodies([shape]) for shape in pair)
+    truth = np.array(
+        [
+            separation(one, 0, T[0], other, 0, U[0], math.inf, math.nan, np.zeros(3), np.empty((4, 3)))[0]
+            for T, U in zip(*places, strict=True)
+        ]
+    )
+    near = (truth > 0.003) & (truth < 0.09)
+    assert near.sum() > 50
+    shapes = [[pair[0]], [pair[1]]]
+    for tell, error in ((_by_coal, COAL_ERROR), (_by_pybullet, _bullet_error(shapes))):
+        told = tell(shapes, list(places))
+        assert (told[near] <= truth[near] + COAL_ERROR).all()
+        assert (told[near] >= truth[near] - error).all()
 
 
 def test_wrong_questions(lee1991: Cell) -> None:

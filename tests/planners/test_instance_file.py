@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +74,43 @@ def test_other_files_are_refused(file: Path, tmp_path: Path) -> None:
     cut.write_bytes(file.read_bytes()[:5000])
     other = tmp_path / "other.npz"
     np.savez(other, a=np.zeros(3))
-    for wrong in (cut, other, tmp_path / "missing.npz"):
+    empty, bare = tmp_path / "empty.npz", tmp_path / "bare.npy"
+    empty.write_bytes(b"")
+    np.save(bare, np.zeros(3))
+    for wrong in (cut, other, empty, bare, tmp_path / "missing.npz"):
         with pytest.raises(InputError, match="is no instance"):
             load_instance(wrong)
+
+
+def test_flipped_bytes_are_found(file: Path, tmp_path: Path) -> None:
+    data = file.read_bytes()
+    with zipfile.ZipFile(file) as archive:
+        first = [member.header_offset for member in archive.infolist()]
+    for k, start in enumerate(first):
+        content = start + 30 + int.from_bytes(data[start + 26 : start + 28], "little")
+        content += int.from_bytes(data[start + 28 : start + 30], "little")
+        flipped = bytearray(data)
+        flipped[content + k % 3] ^= 0xFF  # 0: no such kind of block
+        (tmp_path / "flipped.npz").write_bytes(bytes(flipped))
+        with pytest.raises(InputError, match="is no instance"):
+            load_instance(tmp_path / "flipped.npz")
+
+
+def test_other_versions_and_missing_arrays_are_named(file: Path, tmp_path: Path) -> None:
+    with np.load(file) as archive:
+        arrays = dict(archive)
+    head = json.loads(arrays["head"].tobytes())
+    later = np.frombuffer(json.dumps(head | {"version": 99}).encode(), dtype=np.uint8)
+    np.savez(tmp_path / "later.npz", **(arrays | {"head": later}))
+    with pytest.raises(InputError, match="version 99, this reads"):
+        load_instance(tmp_path / "later.npz")
+    del arrays["arm1_M"]
+    np.savez(tmp_path / "less.npz", **arrays)
+    with pytest.raises(InputError, match=r"is no instance.*arm1_M"):
+        load_instance(tmp_path / "less.npz")
+
+
+@pytest.mark.parametrize("order", [(0,), (0, 0), (0, 1, 2)])
+def test_orders_that_do_not_name_every_arm_once(instance: Instance, order: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="each of the 2 arms once"):
+        instance.plan("interval", order=order)

@@ -161,7 +161,7 @@ def test_pybullet_finds_no_contradiction(pair: Pair, chart: CoordinationChart, l
 def test_tables_are_what_clearance_answers(pair: Pair) -> None:
     arms, paths = pair
     clearance = Clearance(arms)
-    table = clearance_table(clearance, 0, 1, arms, paths, 0.05)
+    table = clearance_table(0, 1, arms, paths, 0.05)
     nodes = len(table.distance)
     generator = np.random.default_rng(1)
     close = np.argwhere(table.distance < 0.05)
@@ -178,7 +178,7 @@ def test_tables_are_what_clearance_answers(pair: Pair) -> None:
 def test_between_nodes_tables_are_as_near_as_they_say(pair: Pair) -> None:
     arms, paths = pair
     clearance = Clearance(arms)
-    table = clearance_table(clearance, 0, 1, arms, paths, 0.05)
+    table = clearance_table(0, 1, arms, paths, 0.05)
     cells = len(table.distance) - 1
     # from node to node no point travels farther than twice its displacement from the middle
     travel = [

@@ -137,6 +137,12 @@ def test_what_cannot_be_exported_is_named(lee1991: Cell, tmp_path: Path) -> None
             '"torque_nm": [[0]]}',
             ["q is no table of numbers"],
         ),
+        (
+            "a.json",
+            '{"joints": ["a"], "time_s": [0, [1]], "q_rad": [[0]], "qd_rad_s": [[0]], "qdd_rad_s2": [[0]], '
+            '"torque_nm": [[0]]}',
+            ["time is no table of numbers"],
+        ),
     ],
 )
 def test_bad_files_are_named(name: str, text: str, words: list[str], tmp_path: Path) -> None:

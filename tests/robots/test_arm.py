@@ -420,3 +420,23 @@ def test_bad_joint_positions_are_refused() -> None:
 def test_bad_tools_are_refused(tool: dict[str, object], words: str) -> None:
     with pytest.raises(RobotError, match=words):
         Tool(**tool)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("which", ["panda", "planar", "ur5e"])
+def test_no_point_gets_farther_than_its_levers_say(which: str) -> None:
+    file, tip = ROBOTS[which]
+    arm = Arm.from_urdf(file, tip_link=tip)
+    points = [np.stack(shape.capsule[:2]) for shape in arm.shapes]
+    levers = arm.levers(np.array([np.linalg.norm(own, axis=1).max() for own in points]), np.full(arm.dof, np.pi))
+    generator, step, most = np.random.default_rng(0), 1e-6, np.zeros((arm.dof, len(points)))
+    for q in generator.uniform(-np.pi, np.pi, (200, arm.dof)):
+        T = arm.link_poses(q)
+        for j in range(arm.dof):
+            U = arm.link_poses(q + step * np.eye(arm.dof)[j])
+            for k, (shape, own) in enumerate(zip(arm.shapes, points, strict=True)):
+                if shape.link >= 0:
+                    moved = own @ (U - T)[shape.link, :3, :3].T + (U - T)[shape.link, :3, 3]
+                    most[j, k] = max(most[j, k], np.linalg.norm(moved, axis=1).max() / step)
+    assert (most <= levers + 1e-6).all()
+    assert ((most > 1e-6) <= (levers > 0.0)).all()
+    assert most.max() > 0.7 * levers.max()
