@@ -51,9 +51,7 @@ def test_a_short_path_is_four_jerks() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(*(st.floats(-3.0, 3.0) for _ in range(4)))
-def test_any_profile_keeps_its_limits_and_inverts(
-    length: float, speed: float, acceleration: float, jerk: float
-) -> None:
+def test_any_profile_keeps_its_limits_and_inverts(length: float, speed: float, accel: float, jerk: float) -> None:
     limits = LineSpeedLimits(speed=10**speed, acceleration=10**accel, jerk=10**jerk)
     profile = LineSpeedProfile.plan(10**length, limits)
     certificate = profile.certificate
