@@ -21,6 +21,7 @@ from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
+from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
@@ -62,6 +63,9 @@ __all__ = [
     "JointPath",
     "JointTrajectory",
     "Line",
+    "LineSpeedCertificate",
+    "LineSpeedLimits",
+    "LineSpeedProfile",
     "MakespanBound",
     "Mode",
     "MotionCertificate",
