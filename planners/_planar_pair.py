@@ -108,6 +108,18 @@ class PlanarPair:
         in_plane = (position - self._origin) @ self._plane.T
         return in_plane, np.hypot(in_plane[..., 0], in_plane[..., 1])
 
+    def polar(self, position: Array) -> Array:
+        """Distance from the first axis [m], angle about it [rad] and height along it [m] of points, (..., 3)."""
+        in_plane, radius = self._radius(position)
+        return np.stack([radius, np.arctan2(in_plane[..., 1], in_plane[..., 0]), position @ self.axis], axis=-1)
+
+    def point(self, polar: Array) -> Array:
+        """The points (..., 3) [m] of which ``polar`` tells."""
+        radius, angle, height = polar[..., 0, None], polar[..., 1, None], polar[..., 2, None]
+        foot = self._origin - (self._origin @ self.axis) * self.axis
+        in_plane: Array = radius * (np.cos(angle) * self._plane[0] + np.sin(angle) * self._plane[1])
+        return foot + in_plane + height * self.axis
+
     def _check_reach(self) -> None:
         station, name, l1, l2 = self.station, self.arm.name, self._l1, self._l2
         radius = self._radius(self.path.evaluate(station)[0])[1]
@@ -130,10 +142,8 @@ class PlanarPair:
                     station=float(station[k]),
                 )
 
-    def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
-        """Both joint angles [rad] and their first and second derivatives by length [rad/m, rad/m^2], each (..., 2)."""
-        lam = np.asarray(lam, dtype=np.float64)
-        position, tangent, curvature = self.path.evaluate(lam, before=before)
+    def inverse(self, position: Array, lam: ArrayLike) -> Array:
+        """Both joint angles (..., 2) [rad] with the tip above ``position`` (..., 3), which is near station ``lam``."""
         in_plane, r = self._radius(position)
         l1, l2 = self._l1, self._l2
         cos2 = np.clip((r**2 - l1**2 - l2**2) / (2.0 * l1 * l2), -1.0, 1.0)
@@ -141,8 +151,17 @@ class PlanarPair:
         theta1 = np.arctan2(in_plane[..., 1], in_plane[..., 0]) - np.arctan2(l2 * sin2, l1 + l2 * cos2)
         near = np.interp(lam, self.station, self._turns)
         theta1 += 2.0 * np.pi * np.round((near - theta1) / (2.0 * np.pi))
-        theta2 = np.arctan2(sin2, cos2)
+        q2 = self.side * (np.arctan2(sin2, cos2) - self._zero2) + self._turn2  # theta2 keeps its sign: no jump
+        return np.stack([theta1, q2], axis=-1)
 
+    def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
+        """Both joint angles [rad] and their first and second derivatives by length [rad/m, rad/m^2], each (..., 2)."""
+        lam = np.asarray(lam, dtype=np.float64)
+        position, tangent, curvature = self.path.evaluate(lam, before=before)
+        q = self.inverse(position, lam)
+        l1, l2 = self._l1, self._l2
+        theta1, theta2 = q[..., 0], self.side * (q[..., 1] - self._turn2) + self._zero2
+        sin2 = np.sin(theta2)
         x1, y1 = l1 * np.cos(theta1), l1 * np.sin(theta1)
         x2, y2 = l2 * np.cos(theta1 + theta2), l2 * np.sin(theta1 + theta2)
 
@@ -155,9 +174,8 @@ class PlanarPair:
         d1, d2 = joint_rates(p[..., 0], p[..., 1])
         w = d1 + d2
         dd1, dd2 = joint_rates(pp[..., 0] + x1 * d1**2 + x2 * w**2, pp[..., 1] + y1 * d1**2 + y2 * w**2)
-        q2 = self.side * (theta2 - self._zero2) + self._turn2  # theta2 keeps its sign: no jump
         return (
-            np.stack([theta1, q2], axis=-1),
+            q,
             np.stack([d1, self.side * d2], axis=-1),
             np.stack([dd1, self.side * dd2], axis=-1),
         )

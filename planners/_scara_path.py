@@ -13,8 +13,10 @@ from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from armtempo.errors import PathError
+from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._planar_pair import Elbow, PlanarPair, TipPath, check_position_limits, whole_turns
 from armtempo.robots import Arm
@@ -26,7 +28,8 @@ Array = NDArray[np.float64]
 class ScaraPath(JointPath):
     """The joint path of a SCARA whose tip follows a Cartesian path.
 
-    The tool keeps the orientation in which it starts, with the wrist at zero there.
+    The wrist is at zero at the start (or whole turns from it, where its range asks for that), and the tool keeps that
+    orientation; along a ``BlendedPath`` with two orientations it turns by their difference, in proportion to the length.
 
     Args:
         arm: Four joints with parallel axes: two that turn, then a slide and a wrist in either order. Its tip lies on
@@ -34,9 +37,12 @@ class ScaraPath(JointPath):
         cartesian: Where the tip goes, in world coordinates [m].
         elbow: The sign of the elbow's angle, about its own axis, away from the stretched arm.
 
+    Attributes:
+        pair: The algebra of shoulder and elbow.
+
     Raises:
-        PathError: The arm is no SCARA; the path leaves its reach, passes near a singularity, or breaks a joint's
-            position limit. The message names the station.
+        PathError: The arm is no SCARA; the path leaves its reach, passes near a singularity, turns the tool about
+            another axis than the wrist's, or breaks a joint's position limit. The message names the station.
     """
 
     def __init__(self, arm: Arm, cartesian: TipPath, elbow: Elbow) -> None:
@@ -47,14 +53,13 @@ class ScaraPath(JointPath):
         self.dof = 4
         self.breakpoints = cartesian.breakpoints
         self._measure()
-        self._pair = PlanarPair(arm, cartesian, elbow)
-        self._pair.settle()
-        self._yaw = 0.0
-        start = self.evaluate(0.0)[0]
-        self._yaw = -float(start[self._wrist])
-        q = self.evaluate(self._pair.station)[0]
-        self._yaw += whole_turns(arm, self._wrist, q[:, self._wrist])
-        check_position_limits(arm, self._pair.station, self.evaluate(self._pair.station)[0])
+        self.pair = PlanarPair(arm, cartesian, elbow)
+        self.pair.settle()
+        self._yaw, self._yaw_rate = 0.0, self._turning()
+        wrist = self.evaluate(self.pair.station)[0][:, self._wrist]
+        turns = whole_turns(arm, self._wrist, wrist - wrist[0])
+        self._yaw = float(self._sense[self._wrist]) * (turns - float(wrist[0]))
+        check_position_limits(arm, self.pair.station, self.evaluate(self.pair.station)[0])
 
     def _measure(self) -> None:
         """Find slide and wrist and the senses of all axes at ``q = 0``."""
@@ -89,30 +94,54 @@ class ScaraPath(JointPath):
                 arm=arm.name,
             )
 
+    def _turning(self) -> float:
+        """How fast the tool turns about the first axis along the path [rad/m]."""
+        if not isinstance(self.cartesian, BlendedPath):
+            return 0.0
+        first, last = Rotation.from_quat(self.cartesian.orientation(np.array([0.0, self.length])))
+        turn = (last * first.inv()).as_rotvec()
+        angle = float(turn @ self.pair.axis)
+        if float(np.linalg.norm(turn - angle * self.pair.axis)) > 1e-9:
+            raise PathError(
+                f"path of arm {self.arm.name!r} turns the tool about {np.round(turn, 6).tolist()}, and its wrist turns "
+                f"it about {np.round(self.pair.axis, 6).tolist()} only",
+                remedy="give orientations that differ by a turn about that axis",
+                arm=self.arm.name,
+            )
+        return angle / self.length
+
+    def inverse(self, position: Array, lam: ArrayLike) -> Array:
+        """Joint positions (..., 4) [rad, m] with the tip at ``position`` (..., 3) [m], which is near station ``lam``."""
+        pair = self.pair.inverse(position, lam)
+        return self._joints(pair, position @ self.pair.axis - self.pair.height, self._yaw + self._yaw_rate * np.asarray(lam))
+
+    def _joints(self, pair: Array, height: Array, yaw: ArrayLike) -> Array:
+        """All four joints from the first two, the height and the yaw of the tool; or the rates of all."""
+        q = np.empty((*pair.shape[:-1], 4))
+        q[..., :2] = pair
+        q[..., self._slide] = self._sense[self._slide] * height
+        q[..., self._wrist] = self._sense[self._wrist] * (yaw - pair @ self._sense[:2])
+        return q
+
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Joint positions [rad, m] and their first and second derivatives by length [m], each (..., 4)."""
         lam = np.clip(np.asarray(lam, dtype=np.float64), 0.0, self.length)
-        planar = self._pair.evaluate(lam, before=before)
-        spatial = self.cartesian.evaluate(lam, before=before)
-        out = []
-        for order, (pair, point) in enumerate(zip(planar, spatial, strict=True)):
-            column = np.empty((*lam.shape, 4))
-            column[..., :2] = pair
-            height = point @ self._pair.axis - (self._pair.height if order == 0 else 0.0)
-            column[..., self._slide] = self._sense[self._slide] * height
-            turned = pair @ self._sense[:2]
-            column[..., self._wrist] = -self._sense[self._wrist] * turned + (self._yaw if order == 0 else 0.0)
-            out.append(column)
-        return out[0], out[1], out[2]
+        q, dq, ddq = self.pair.evaluate(lam, before=before)
+        p, dp, ddp = (point @ self.pair.axis for point in self.cartesian.evaluate(lam, before=before))
+        return (
+            self._joints(q, p - self.pair.height, self._yaw + self._yaw_rate * lam),
+            self._joints(dq, dp, self._yaw_rate),
+            self._joints(ddq, ddp, 0.0),
+        )
 
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
         """Upper bounds of ``|f'|`` over the intervals [low, high], (..., 4) [rad/m, 1].
 
-        The slide is never faster than the tip, the wrist never faster than both joints that it makes up for.
+        The slide is never faster than the tip, the wrist never faster than both joints that it makes up for and the tool.
         """
-        pair = self._pair.speed_bound(low, high)
+        pair = self.pair.speed_bound(low, high)
         bound = np.empty((*pair.shape[:-1], 4))
         bound[..., :2] = pair
         bound[..., self._slide] = 1.0
-        bound[..., self._wrist] = pair.sum(axis=-1)
+        bound[..., self._wrist] = pair.sum(axis=-1) + abs(self._yaw_rate)
         return bound

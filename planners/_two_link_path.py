@@ -24,6 +24,9 @@ class TwoLinkPath(JointPath):
         cartesian: Where the tip goes, in world coordinates [m]: in the plane in which the tip moves.
         elbow: The sign of the elbow's angle, about its own axis, away from the stretched arm.
 
+    Attributes:
+        pair: The algebra of the two links.
+
     Raises:
         PathError: The arm is no two-link arm; the path leaves its plane or its reach, passes near a singularity, or
             breaks a joint's position limit. The message names the station.
@@ -41,13 +44,13 @@ class TwoLinkPath(JointPath):
         self.length = cartesian.length
         self.dof = 2
         self.breakpoints = cartesian.breakpoints
-        self._pair = PlanarPair(arm, cartesian, elbow)
+        self.pair = PlanarPair(arm, cartesian, elbow)
         self._check_plane()
-        self._pair.settle()
-        check_position_limits(arm, self._pair.station, self.evaluate(self._pair.station)[0])
+        self.pair.settle()
+        check_position_limits(arm, self.pair.station, self.evaluate(self.pair.station)[0])
 
     def _check_plane(self) -> None:
-        pair = self._pair
+        pair = self.pair
         off = np.abs(self.cartesian.evaluate(pair.station)[0] @ pair.axis - pair.height)
         if off.max() > 1e-6:
             k = int(off.argmax())
@@ -62,8 +65,12 @@ class TwoLinkPath(JointPath):
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Joint angles [rad] and their first and second derivatives by length [rad/m, rad/m^2], each (..., 2)."""
         lam = np.clip(np.asarray(lam, dtype=np.float64), 0.0, self.length)
-        return self._pair.evaluate(lam, before=before)
+        return self.pair.evaluate(lam, before=before)
+
+    def inverse(self, position: Array, lam: ArrayLike) -> Array:
+        """Joint angles (..., 2) [rad] with the tip at ``position`` (..., 3) [m], which is near station ``lam``."""
+        return self.pair.inverse(position, lam)
 
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
         """Upper bounds of ``|f'|`` over the intervals [low, high], (..., 2) [rad/m]."""
-        return self._pair.speed_bound(low, high)
+        return self.pair.speed_bound(low, high)
