@@ -56,11 +56,11 @@ def run(cell: BlendCell) -> Run:
     """The paper's run at its ticks: profile and mapping of the paper beside the exact one."""
     from armtempo.planners import PredictorCorrector
 
-    profile, path = cell.line_speed_profile, cell.cartesian
+    profile, path = cell.line_speed, cell.blended
     time = np.arange(0.0, profile.duration + TICK, TICK)
     s, v, a, _ = profile.at(time)
     p, tangent, curvature = path.evaluate(s)
-    q, dq, ddq = cell.paths[0].evaluate(s)
+    q, dq, ddq = cell.path.evaluate(s)
     return Run(
         time, s, v, a, p, tangent * v[:, None], curvature * (v**2)[:, None] + tangent * a[:, None],
         PredictorCorrector(path).positions(s), q, dq * v[:, None], ddq * (v**2)[:, None] + dq * a[:, None],
@@ -70,10 +70,10 @@ def run(cell: BlendCell) -> Run:
 def reproduce_lee2006(output: Output) -> Reproduction:
     """Blends, mapping and the SCARA simulation of the paper."""
     from armtempo.commands._lee2006_figures import lee2006_figures
-    from armtempo.planners import load_blend_cell
+    from armtempo.planners import BlendCell, load_cell
 
     with output.progress("Loading lee2006 (compiles once after installation)"):
-        cell = load_blend_cell("lee2006")
+        cell = load_cell("lee2006", BlendCell)
         sampled = run(cell)
     with output.progress("Comparing"):
         quantities = [*_table2(), *_shape(), *_simulation(cell, sampled), *_beyond(cell, sampled)]
@@ -106,7 +106,7 @@ def _shape() -> list[Quantity]:
 
 def _simulation(cell: BlendCell, sampled: Run) -> list[Quantity]:
     section = "Section IV: SCARA simulation"
-    path, profile = cell.cartesian, cell.line_speed_profile
+    path, profile = cell.blended, cell.line_speed
     ends = path.breakpoints
     names = ("line", "first blend", "line", "second blend", "arc")
     values = [
@@ -143,8 +143,8 @@ def differenced_error(points: Array, s: Array) -> Array:
 
 def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
     section = "Not printed"
-    path, limits = cell.cartesian, cell.limits
-    aware = cell.limit_aware_profile
+    path, limits = cell.blended, cell.limits
+    aware = cell.limit_aware
     exact = MM * differenced_error(sampled.p, sampled.s)
     normal = np.linalg.norm(sampled.acceleration - sampled.velocity * (sampled.a / np.maximum(sampled.v, 1e-12))[:, None], axis=1)
     return [

@@ -130,7 +130,7 @@ def _path(cell: BlendCell, run: Run) -> Figure:
     """The path in space, from above and from the side."""
     figure = new_figure(9.6, 4.4)
     above, side = figure.subplots(1, 2)
-    path = cell.cartesian
+    path = cell.blended
     p = MM * path.position(np.linspace(0.0, path.length, 1500))
     blends = [MM * path.position(np.linspace(path.breakpoints[k], path.breakpoints[k + 1], 200)) for k in (1, 3)]
     for axes, (i, j) in ((above, (0, 1)), (side, (0, 2))):
@@ -150,7 +150,7 @@ def _path(cell: BlendCell, run: Run) -> Figure:
 
 
 def _shade_blends(axes: Axes, cell: BlendCell) -> None:
-    profile, ends = cell.line_speed_profile, cell.cartesian.breakpoints
+    profile, ends = cell.line_speed, cell.blended.breakpoints
     for k in (1, 3):
         axes.axvspan(float(profile.time_at(ends[k])), float(profile.time_at(ends[k + 1])), color=BLENDED, zorder=0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armtempo.configs._load import (
     bundled_cells,
+    change_blend,
     data_path,
     load_cell_config,
     parse_cell_config,
@@ -11,8 +12,11 @@ from armtempo.configs._load import (
     robot_config,
 )
 from armtempo.configs._schema import (
+    AnyCellConfig,
     ArcConfig,
     ArmConfig,
+    BlendCellConfig,
+    BlendConfig,
     BoxConfig,
     CapsuleConfig,
     CellConfig,
@@ -20,6 +24,7 @@ from armtempo.configs._schema import (
     FrictionConfig,
     LimitsConfig,
     LineConfig,
+    LineSpeedConfig,
     MeshConfig,
     ObstacleConfig,
     PathConfig,
@@ -31,8 +36,11 @@ from armtempo.configs._schema import (
 )
 
 __all__ = [
+    "AnyCellConfig",
     "ArcConfig",
     "ArmConfig",
+    "BlendCellConfig",
+    "BlendConfig",
     "BoxConfig",
     "CapsuleConfig",
     "CellConfig",
@@ -40,6 +48,7 @@ __all__ = [
     "FrictionConfig",
     "LimitsConfig",
     "LineConfig",
+    "LineSpeedConfig",
     "MeshConfig",
     "ObstacleConfig",
     "PathConfig",
@@ -49,6 +58,7 @@ __all__ = [
     "SphereConfig",
     "ToolConfig",
     "bundled_cells",
+    "change_blend",
     "data_path",
     "load_cell_config",
     "parse_cell_config",

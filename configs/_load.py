@@ -7,19 +7,20 @@ from collections.abc import Hashable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args, overload
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.configs._schema import CellConfig, RobotConfig
+from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, BlendConfig, CellConfig, RobotConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
 _DATA = Path(__file__).parent
 _SUFFIXES = (".yaml", ".yml")
 _PYBULLET = "pybullet_data/"
-_LATER_KINDS = ("blend", "ik")
+_KINDS: dict[str, type[CellConfig] | type[BlendCellConfig]] = {"coordination": CellConfig, "blend": BlendCellConfig}
+_LATER_KINDS = ("ik",)
 # pydantic's words and ours, which are those of YAML
 _WORDING = (
     (r"Input should be a valid dictionary or instance of \w+", "must be a mapping of keys to values"),
@@ -29,6 +30,7 @@ _WORDING = (
     (r"Tuple should have (at \w+ \d+ items?) .*", r"must have \1"),
 )
 Key = tuple[int | str, ...]
+Kind = TypeVar("Kind", CellConfig, BlendCellConfig)
 
 
 def bundled_cells() -> tuple[str, ...]:
@@ -52,15 +54,22 @@ def data_path(name: str) -> Path:
     return path
 
 
-def load_cell_config(name_or_path: str | Path) -> CellConfig:
+@overload
+def load_cell_config(name_or_path: str | Path) -> CellConfig: ...
+@overload
+def load_cell_config(name_or_path: str | Path, kind: type[Kind]) -> Kind: ...
+def load_cell_config(name_or_path: str | Path, kind: type[AnyCellConfig] | None = None) -> AnyCellConfig:
     """Read a cell file.
 
     Args:
         name_or_path: A bundled cell's name (see :func:`bundled_cells`) or the path of a YAML file.
+        kind: ``CellConfig`` or ``BlendCellConfig``: refuse files of another kind. None: whatever the file says (type
+            checkers take it for a ``CellConfig``).
 
     Raises:
         UnknownNameError: Neither a bundled cell nor a file.
-        ConfigError: The file cannot be read, is not YAML, or says something that a cell cannot have.
+        ConfigError: The file cannot be read, is not YAML, says something that a cell cannot have, or is of another
+            kind.
     """
     path = _cell_path(name_or_path)
     try:
@@ -76,38 +85,75 @@ def load_cell_config(name_or_path: str | Path) -> CellConfig:
             key="",
             value=None,
         ) from error
-    return parse_cell_config(_parse_yaml(text, path), path.resolve())
+    data, source = _parse_yaml(text, path), path.resolve()
+    return parse_cell_config(data, source) if kind is None else parse_cell_config(data, source, kind)
 
 
-def parse_cell_config(data: object, source: Path) -> CellConfig:
+@overload
+def parse_cell_config(data: object, source: Path) -> CellConfig: ...
+@overload
+def parse_cell_config(data: object, source: Path, kind: type[Kind]) -> Kind: ...
+def parse_cell_config(data: object, source: Path, kind: type[AnyCellConfig] | None = None) -> AnyCellConfig:
     """Check the contents of a cell file.
 
     Args:
         data: What the YAML says: a mapping of plain Python values.
         source: The file it came from; messages name it, and file names in the cell are relative to its folder.
+        kind: As in :func:`load_cell_config`.
 
     Raises:
-        ConfigError: ``data`` says something that a cell cannot have.
+        ConfigError: ``data`` says something that a cell cannot have, or is of another kind.
     """
     if not isinstance(data, Mapping):
         what = "is empty" if data is None else f"is no mapping of keys to values but {_shown(data)}"
         remedy = "start from a bundled cell such as configs/cells/lee1991.yaml"
         raise ConfigError(f"{source}: {what}", remedy=remedy, file=source, key="", value=data)
-    if data.get("kind") in _LATER_KINDS:
+    said = data.get("kind")
+    if "kind" in data and (not isinstance(said, str) or said not in _KINDS):
+        later = said in _LATER_KINDS if isinstance(said, str) else False
+        kinds = " or ".join(map(repr, _KINDS))
+        what = f"{said!r} is not available in this version" if later else f"must be {kinds}, got {_shown(said)}"
         raise ConfigError(
-            f"{source}: kind: {data['kind']!r} is not available in this version",
-            remedy="use kind: coordination",
+            f"{source}: kind: {what}", remedy=f"use kind: {' or '.join(_KINDS)}", file=source, key="kind", value=said
+        )
+    model = _KINDS[said] if isinstance(said, str) else CellConfig
+    if kind is not None and model is not kind:
+        asked = next(name for name, known in _KINDS.items() if known is kind)
+        raise ConfigError(
+            f"{source}: kind: this is a {said} cell, and a {asked} cell is needed here",
+            remedy=f"give a cell file of kind: {asked}",
             file=source,
             key="kind",
-            value=data["kind"],
+            value=said,
         )
     try:
-        return CellConfig.model_validate(data, context={"source": source})
+        return model.model_validate(data, context={"source": source})
     except ValidationError as error:
-        raise _config_error(source, error) from None
+        raise _config_error(source, error, model) from None
 
 
-def resolve_file(config: CellConfig, name: str) -> Path:
+def change_blend(config: BlendCellConfig, **changes: Any) -> BlendCellConfig:
+    """The same cell with other corners; ``remaining_distance_m`` and ``tolerance_m`` take each other's place.
+
+    Args:
+        config: The cell.
+        changes: Keys of ``blend`` and their new values; None keeps what there is.
+
+    Raises:
+        ConfigError: A value that a file could not have.
+    """
+    given = {key: value for key, value in changes.items() if value is not None}
+    kept = config.blend.model_dump(exclude_none=True)
+    if "remaining_distance_m" in given or "tolerance_m" in given:
+        kept = {key: value for key, value in kept.items() if key not in ("remaining_distance_m", "tolerance_m")}
+    try:
+        blend = BlendConfig.model_validate({**kept, **given})
+    except ValidationError as error:
+        raise _config_error(config.source, error, BlendConfig) from None
+    return config.model_copy(update={"blend": blend})
+
+
+def resolve_file(config: AnyCellConfig, name: str) -> Path:
     """Find a file that a cell names: next to the cell file first, else among the bundled robots or PyBullet's data.
 
     Args:
@@ -204,15 +250,15 @@ def _parse_yaml(text: str, path: Path) -> object:
         raise ConfigError(f"{path}: not YAML: {what}", remedy="mend the file", file=path, key="", value=None) from error
 
 
-def _config_error(source: Path, error: ValidationError) -> ConfigError:
+def _config_error(source: Path, error: ValidationError, model: type[BaseModel]) -> ConfigError:
     """The complaint that explains most: a misspelt key comes before the key that it leaves missing."""
     complaints = error.errors(include_url=False)
     first = min(complaints, key=lambda complaint: complaint["type"] != "extra_forbidden")
-    key, value, what, remedy = _explain(first)
+    key, value, what, remedy = _explain(first, model)
     return ConfigError(f"{source}: {key}: {what}", remedy=remedy, file=source, key=key, value=value)
 
 
-def _explain(complaint: ErrorDetails) -> tuple[str, Any, str, str]:
+def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any, str, str]:
     """Dotted key, value, what is wrong, what to do."""
     kind, loc, value = complaint["type"], complaint["loc"], complaint["input"]
     what = complaint["msg"].removeprefix("Value error, ")
@@ -223,10 +269,10 @@ def _explain(complaint: ErrorDetails) -> tuple[str, Any, str, str]:
         value = value.get(match[1]) if isinstance(value, Mapping) else value
     if kind == "missing" and isinstance(loc[-1], int):
         kind, loc, what = "too_short", loc[:-1], "has too few items"
-    meaning = _description(loc)
+    meaning = _description(loc, model)
     match kind:
         case "extra_forbidden":
-            known = _known_keys(loc[:-1])
+            known = _known_keys(loc[:-1], model)
             return _dotted(loc), value, "unknown key", f"{_closest(str(loc[-1]), known)}known: {', '.join(known)}"
         case "missing":
             return _dotted(loc), None, "missing", f"add it: {meaning}" if meaning else "add it"
@@ -250,23 +296,23 @@ def _closest(name: str, known: tuple[str, ...] | list[str]) -> str:
     return f"did you mean {close[0]!r}? " if close else ""
 
 
-def _known_keys(loc: Key) -> list[str]:
-    model = _model_at(loc)
+def _known_keys(loc: Key, root: type[BaseModel]) -> list[str]:
+    model = _model_at(loc, root)
     return list(model.model_fields) if model else []
 
 
-def _description(loc: Key) -> str:
+def _description(loc: Key, root: type[BaseModel]) -> str:
     """What the schema says about the innermost named key of ``loc``."""
     names = [part for part in loc if isinstance(part, str)]
-    model = _model_at(tuple(names[:-1]))
+    model = _model_at(tuple(names[:-1]), root)
     field = model.model_fields.get(names[-1]) if model and names else None
     text = (field.description if field else None) or ""
     return " ".join(text.replace("``", "").split()).removesuffix(".")
 
 
-def _model_at(loc: Key) -> type[BaseModel] | None:
-    """The schema of the mapping at ``loc``."""
-    model: type[BaseModel] | None = CellConfig
+def _model_at(loc: Key, root: type[BaseModel]) -> type[BaseModel] | None:
+    """The schema of the mapping at ``loc`` of a file described by ``root``."""
+    model: type[BaseModel] | None = root
     for part in loc:
         if isinstance(part, str) and model:
             field = model.model_fields.get(part)

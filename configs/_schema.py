@@ -122,12 +122,17 @@ class LineConfig(_Model):
 
 
 class ArcConfig(_Model):
-    """A circular arc from where the path stands; the shorter one, unless ``turn`` says which."""
+    """A circular arc from where the path stands: about a centre, or through a point on the way.
+
+    About a centre it is the shorter one, unless ``turn`` says which.
+    """
 
     to_m: Point
     """End [m], world frame."""
-    center_m: Point
+    center_m: Point | None = None
     """Centre [m], world frame; as far from the start as from the end."""
+    via_m: Point | None = None
+    """Instead: a point [m] on the arc between its ends, world frame."""
     turn: Literal["ccw", "cw"] | None = None
     """Sense seen against ``normal``; null: the shorter arc (a half circle needs a sense)."""
     normal: Point = (0.0, 0.0, 1.0)
@@ -139,6 +144,14 @@ class ArcConfig(_Model):
         if not any(normal):
             raise ValueError("must not be the zero vector")
         return normal
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.center_m is None) == (self.via_m is None):
+            raise ValueError(f"center_m: give it or via_m, {'one of them' if self.via_m is None else 'not both'}")
+        if self.via_m is not None and self.turn is not None:
+            raise ValueError("turn: belongs to center_m; an arc through via_m turns as it must")
+        return self
 
 
 def _exactly_one(model: BaseModel, what: str) -> str:
@@ -326,15 +339,43 @@ class ObstacleConfig(_Model):
 _Named = TypeVar("_Named", ArmConfig, ObstacleConfig)
 
 
-class CellConfig(_Model):
-    """Arms that share a space, each on its own given path, and how closely they may pass."""
+class _CellFile(_Model):
+    """What the files of all kinds of cells say."""
 
-    kind: Literal["coordination"]
+    kind: str
     """What the cell is for."""
     name: CellTitle
     """Name of the cell."""
     description: str = ""
     """What the cell shows, for `armtempo cells`."""
+
+    _source: Path = PrivateAttr(default=Path("cell.yaml"))
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Take the file from the validation context; it is no key that a file could set."""
+        if context and "source" in context:
+            self._source = context["source"]
+
+    @property
+    def source(self) -> Path:
+        """The file this came from; file names in the cell are relative to its folder."""
+        return self._source
+
+
+def _check_period(control_period: float, physics_tick: float) -> None:
+    ticks = control_period / physics_tick
+    if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-9 * round(ticks):
+        raise ValueError(
+            f"control_period_s: must be a whole multiple of physics_tick_s = {physics_tick:g}, "
+            f"got {ticks:.6g} ticks; nearest: {max(1, round(ticks)) * physics_tick:g}"
+        )
+
+
+class CellConfig(_CellFile):
+    """Arms that share a space, each on its own given path, and how closely they may pass."""
+
+    kind: Literal["coordination"]
+    """What the cell is for."""
     d_min_m: NonNegative
     """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m].
 
@@ -361,18 +402,6 @@ class CellConfig(_Model):
     """Bodies that stand still."""
     gravity_m_s2: Point = (0.0, 0.0, -9.81)
     """Acceleration of free fall [m/s^2], world frame."""
-
-    _source: Path = PrivateAttr(default=Path("cell.yaml"))
-
-    def model_post_init(self, context: Any, /) -> None:
-        """Take the file from the validation context; it is no key that a file could set."""
-        if context and "source" in context:
-            self._source = context["source"]
-
-    @property
-    def source(self) -> Path:
-        """The file this came from; file names in the cell are relative to its folder."""
-        return self._source
 
     def chart_tolerance(self, longest: float) -> float:
         """Side of the smallest cell of a chart [lambda], the longer of its two paths being ``longest``."""
@@ -412,10 +441,83 @@ class CellConfig(_Model):
 
     @model_validator(mode="after")
     def _period_is_whole_ticks(self) -> Self:
-        ticks = self.control_period_s / self.physics_tick_s
-        if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-9 * round(ticks):
-            raise ValueError(
-                f"control_period_s: must be a whole multiple of physics_tick_s = {self.physics_tick_s:g}, "
-                f"got {ticks:.6g} ticks; nearest: {max(1, round(ticks)) * self.physics_tick_s:g}"
-            )
+        _check_period(self.control_period_s, self.physics_tick_s)
         return self
+
+
+class BlendConfig(_Model):
+    """How corners are rounded: all of them alike."""
+
+    curve: Literal["cubic", "quintic"] = "cubic"
+    """Family of the curve: the paper's ``cubic``, or a ``quintic`` without a jump of curvature at any corner."""
+    shape_factor: Positive = 3.0
+    """End tangents of the cubic in remaining distances; at 3 the curvature does not jump between lines."""
+    remaining_distance_m: Positive | None = None
+    """Length that a blend takes off each of its two segments [m]."""
+    tolerance_m: Positive | None = None
+    """Instead: how far the curve passes from the corner [m]."""
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        _exactly_one(self, "a blend")
+        return self
+
+
+class LineSpeedConfig(_Model):
+    """How fast the tip may go along its path."""
+
+    speed_m_s: Positive
+    """Line speed [m/s]."""
+    acceleration_m_s2: Positive
+    """Largest acceleration along the path [m/s^2], as ``acceleration_reading`` reads it."""
+    acceleration_reading: Literal["peak", "mean"] = "peak"
+    """``peak``: the largest; ``mean``: that of the ramp from rest to line speed."""
+    jerk_m_s3: Positive
+    """Largest jerk [m/s^3]."""
+    normal_acceleration_m_s2: Positive | None = None
+    """Largest acceleration across the path [m/s^2], for profiles that look at it; null: as along the path."""
+
+
+class BlendCellConfig(_CellFile):
+    """One arm whose tip follows lines and arcs, blended at the corners, at a constant line speed."""
+
+    kind: Literal["blend"]
+    """What the cell is for."""
+    arm: ArmConfig
+    """The arm and its path: lines and arcs that may meet in corners."""
+    blend: BlendConfig
+    """How the corners are rounded."""
+    line_speed: LineSpeedConfig
+    """Limits of the tip's motion."""
+    contour_error_max_m: Positive = 0.005
+    """Distance of the tip from the path at which an episode ends [m]."""
+    physics_tick_s: Annotated[Real, Field(ge=1e-5, le=0.02)] = 0.001
+    """Step of the simulation and of the reference [s]."""
+    control_period_s: Positive = 0.02
+    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
+    gravity_m_s2: Point = (0.0, 0.0, -9.81)
+    """Acceleration of free fall [m/s^2], world frame."""
+
+    @property
+    def arms(self) -> tuple[ArmConfig]:
+        """The arm, as cells of several have theirs."""
+        return (self.arm,)
+
+    @property
+    def ticks_per_period(self) -> int:
+        """Simulation steps between two decisions."""
+        return round(self.control_period_s / self.physics_tick_s)
+
+    @model_validator(mode="after")
+    def _path_of_segments(self) -> Self:
+        if self.arm.path.start_m is None:
+            raise ValueError("arm: its path must be given by start_m and segments; waypoints have no corners to blend")
+        return self
+
+    @model_validator(mode="after")
+    def _period_is_whole_ticks(self) -> Self:
+        _check_period(self.control_period_s, self.physics_tick_s)
+        return self
+
+
+AnyCellConfig = CellConfig | BlendCellConfig

@@ -31,6 +31,7 @@ from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagn
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners._precedence import Precedence, precedence
+from armtempo.planners._scara_path import ScaraPath
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
 from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
@@ -82,6 +83,7 @@ __all__ = [
     "PhaseTrajectory",
     "Precedence",
     "PriorityClass",
+    "ScaraPath",
     "Schedule",
     "ScheduleCertificate",
     "ScheduleExecution",

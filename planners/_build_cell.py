@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.configs import (
+    AnyCellConfig,
     ArcConfig,
     ArmConfig,
+    BlendCellConfig,
     CellConfig,
     LineConfig,
     ObstacleConfig,
@@ -20,32 +23,74 @@ from armtempo.configs import (
     robot_config,
 )
 from armtempo.errors import ArmtempoError, CollisionError, ConfigError, PathError
+from armtempo.planners._blend_cell import BlendCell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
 from armtempo.planners._joint_path import JointPath
+from armtempo.planners._path_certificate import check_path
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import refined_plane
+from armtempo.planners._planar_pair import Elbow
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 
 Array = NDArray[np.float64]
 
 
-def load_cell(name_or_path: str | Path) -> Cell:
+Kind = TypeVar("Kind", Cell, BlendCell)
+
+
+@overload
+def load_cell(name_or_path: str | Path) -> Cell: ...
+@overload
+def load_cell(name_or_path: str | Path, kind: type[Kind]) -> Kind: ...
+def load_cell(name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | None = None) -> Cell | BlendCell:
     """Load a bundled cell by name, or a user's own YAML file, and certify it.
+
+    Args:
+        name_or_path: A bundled cell's name or a file.
+        kind: ``Cell`` (kind: coordination) or ``BlendCell`` (kind: blend): refuse files of another kind. None:
+            whatever the file says (type checkers take it for a ``Cell``).
 
     Raises:
         UnknownNameError: No such bundled cell or file.
-        ConfigError: The file cannot be used; the message names file, key, value and remedy.
+        ConfigError: The file cannot be used, or is of another kind; the message names file, key, value and remedy.
         PathError: A path is out of reach, breaks a limit or has a corner; the message names the station.
         InfeasibleError: Torque limits are too small; the message names the station and the joint.
         CollisionError: A path hits an obstacle or its own arm, or the arms start or end too close.
     """
-    return build_cell(load_cell_config(name_or_path))
+    config: AnyCellConfig
+    if kind is None:
+        config = load_cell_config(name_or_path)
+    else:
+        config = load_cell_config(name_or_path, BlendCellConfig if kind is BlendCell else CellConfig)
+    return build_cell(config)
 
 
-def build_cell(config: CellConfig) -> Cell:
+@overload
+def build_cell(config: CellConfig) -> Cell: ...
+@overload
+def build_cell(config: BlendCellConfig) -> BlendCell: ...
+def build_cell(config: AnyCellConfig) -> Cell | BlendCell:
     """Build and certify a cell; raises as ``load_cell``."""
+    return _build_blend_cell(config) if isinstance(config, BlendCellConfig) else _build_coordination_cell(config)
+
+
+def _build_blend_cell(config: BlendCellConfig) -> BlendCell:
+    place = f"{config.source}, arm"
+    try:
+        arm = _build_arm(config, config.arm)
+        place += ".path"
+        cell = BlendCell.of(config, arm, _elbow(config.arm), _build_segments(config.arm))
+        check_path(Clearance([arm], ()), 0, arm, cell.path)
+    except ConfigError:
+        raise
+    except ArmtempoError as error:
+        raise error.at(place) from error
+    return cell
+
+
+def _build_coordination_cell(config: CellConfig) -> Cell:
     source = str(config.source)
     arms, paths, planes = [], [], []
     for i, arm_config in enumerate(config.arms):
@@ -102,7 +147,7 @@ def _transform(pose: PoseConfig) -> Array:
     return T
 
 
-def _build_arm(config: CellConfig, arm: ArmConfig) -> Arm:
+def _build_arm(config: AnyCellConfig, arm: ArmConfig) -> Arm:
     sheet = robot_config(arm.urdf)
     arm = arm.over(sheet)
     tool = None
@@ -142,6 +187,9 @@ def _build_segment(start: Array, config: SegmentConfig) -> Line | Arc:
     if isinstance(geometry, LineConfig):
         return Line(start, np.array(geometry.to_m))
     assert isinstance(geometry, ArcConfig)
+    if geometry.via_m is not None:
+        return Arc.through(start, np.array(geometry.via_m), np.array(geometry.to_m))
+    assert geometry.center_m is not None  # by the schema
     normal = None if geometry.turn is None else np.array(geometry.normal) * (1.0 if geometry.turn == "ccw" else -1.0)
     return Arc(start, np.array(geometry.to_m), np.array(geometry.center_m), normal)
 
@@ -157,20 +205,28 @@ def _build_path(arm: Arm, cell: CellConfig, config: ArmConfig) -> JointPath:
             f"lines and arcs need a two-link arm in this version, and arm {arm.name!r} has {arm.dof} joints",
             remedy="give waypoints_rad: joint positions that the path goes through",
         )
+    segments = _build_segments(config)
+    return TwoLinkPath(arm, CartesianPath(segments), _elbow(config))
+
+
+def _build_segments(config: ArmConfig) -> list[Line | Arc]:
     segments: list[Line | Arc] = []
-    start = np.array(given.start_m)
-    for k, segment in enumerate(given.segments):
+    start = np.array(config.path.start_m)
+    for k, segment in enumerate(config.path.segments):
         try:
             segments.append(_build_segment(start, segment))
         except ArmtempoError as error:
             raise error.at(f"segments[{k}]") from error
         start = segments[-1].end
+    return segments
+
+
+def _elbow(config: ArmConfig) -> Elbow:
     if config.elbow is None:
         raise PathError(
-            "elbow is missing: a two-link arm reaches every point in two ways",
-            remedy="give elbow: positive or negative",
+            "elbow is missing: two links reach every point in two ways", remedy="give elbow: positive or negative"
         )
-    return TwoLinkPath(arm, CartesianPath(segments), config.elbow)
+    return config.elbow
 
 
 def _build_obstacle(config: CellConfig, obstacle: ObstacleConfig) -> Shape:

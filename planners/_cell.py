@@ -8,10 +8,10 @@ from typing import final
 
 from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError, InputError
-from armtempo.planners._arm_sweep import swept_displacements
 from armtempo.planners._coordination_chart import CoordinationChart
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._makespan_bound import MakespanBound, PriorityClass
+from armtempo.planners._path_certificate import check_path
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import PhasePlane
 from armtempo.planners._phase_trajectory import PhaseTrajectory
@@ -19,7 +19,6 @@ from armtempo.planners._timing_problem import TimingProblem
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
-FINEST_STATION = 2**-10  # share of a path's length to which obstacles and self-collision are certified
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,38 +207,5 @@ class Cell:
         Raises:
             CollisionError: It comes too close; the message names the station and the bodies.
         """
-        arm, path = self.arms[i], self.paths[i]
-        # of two own links both move; plans keep off obstacles by the reserve too
-        checks = []
-        if self.clearance.self_pairs(i):
-            checks.append((self.clearance.self_collision, 0.0, 2.0, "itself"))
-        if self.obstacles:
-            checks.append((self.clearance.obstacles, self.planned_clearance, 1.0, "an obstacle"))
-        if not checks:
-            return
-        smallest = round(1.0 / FINEST_STATION)
-        sweeps = swept_displacements(arm, path, smallest)
-        stack = [(1, 0)]
-        while stack:
-            cells, k = stack.pop()
-            station = path.length * (k + 0.5) / cells
-            q = path.evaluate(station)[0]
-            sweep = sweeps[cells][k]
-            for ask, required, movers, what in checks:
-                nearest = ask(i, q)
-                if nearest.distance - movers * sweep >= required:
-                    continue
-                if nearest.distance < required or cells >= smallest:
-                    raise CollisionError(
-                        f"path of arm {arm.name!r} comes too close to {what} at station {station:.4g} {path.unit}: "
-                        f"{nearest.body_a} and {nearest.body_b} are {nearest.distance:.4g} m apart, "
-                        f"{required:.4g} m are required",
-                        remedy="move the path or the obstacle, or lower d_min_m",
-                        arm=arm.name,
-                        station=station,
-                        bodies=(nearest.body_a, nearest.body_b),
-                        clearance_m=nearest.distance,
-                        required_m=required,
-                    )
-                stack += [(2 * cells, 2 * k), (2 * cells, 2 * k + 1)]
-                break
+        distance = self.planned_clearance if self.obstacles else None  # plans keep off obstacles by the reserve too
+        check_path(self.clearance, i, self.arms[i], self.paths[i], obstacle_distance=distance)

@@ -1,33 +1,18 @@
-r"""The closed-form joint path of a two-link arm along a Cartesian path.
-
-With link lengths ``l1``, ``l2`` and the tip at distance ``r`` from the first axis (law of cosines):
-
-    cos(theta2) = (r^2 - l1^2 - l2^2) / (2 l1 l2)        theta2 > 0 or < 0: the elbow branch
-    theta1 = atan2(y, x) - atan2(l2 sin(theta2), l1 + l2 cos(theta2))
-    theta'  = J^-1 p'          theta'' = J^-1 (p'' - J' theta')
-
-with ``p`` the tip in the plane of motion and ``J`` its Jacobian. The axes may stand anywhere in space, as long as they
-are parallel; the path must lie in the plane in which the tip moves.
-"""
+"""The closed-form joint path of a two-link arm along a Cartesian path; the algebra is that of ``_planar_pair``."""
 
 from __future__ import annotations
 
-from typing import Literal, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.errors import PathError
-from armtempo.planners._cartesian_path import CartesianPath
 from armtempo.planners._joint_path import JointPath
+from armtempo.planners._planar_pair import Elbow, PlanarPair, TipPath, check_position_limits
 from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
-
-SINGULAR_SINE = (
-    0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
-)
-SAMPLES = 2049
 
 
 @final
@@ -36,170 +21,56 @@ class TwoLinkPath(JointPath):
 
     Args:
         arm: Two revolute joints with parallel axes.
-        cartesian: Where the tip goes, in world coordinates [m].
+        cartesian: Where the tip goes, in world coordinates [m]: in the plane in which the tip moves.
         elbow: The sign of the elbow's angle, about its own axis, away from the stretched arm.
+
+    Attributes:
+        pair: The algebra of the two links.
 
     Raises:
         PathError: The arm is no two-link arm; the path leaves its plane or its reach, passes near a singularity, or
             breaks a joint's position limit. The message names the station.
     """
 
-    def __init__(self, arm: Arm, cartesian: CartesianPath, elbow: Literal["positive", "negative"]) -> None:
+    def __init__(self, arm: Arm, cartesian: TipPath, elbow: Elbow) -> None:
+        if arm.dof != 2 or bool(np.any(arm.model.prismatic)):
+            raise PathError(
+                f"arm {arm.name!r} has {arm.dof} joints: lines and arcs are followed by two-link arms only",
+                remedy="use an arm with two revolute joints",
+            )
         self.arm = arm
         self.cartesian = cartesian
         self.elbow = elbow
         self.length = cartesian.length
         self.dof = 2
         self.breakpoints = cartesian.breakpoints
-        self._measure()
-        station = np.linspace(0.0, self.length, SAMPLES)
-        self._check_reach(station)
-        self._station, self._turns, self._turn2 = station, np.zeros(SAMPLES), 0.0
-        q = self.evaluate(station)[0]
-        self._turns = np.unwrap(q[:, 0])
-        self._turns += self._whole_turns(0, self._turns)
-        self._turn2 = self._whole_turns(1, q[:, 1])
-        self._check_limits(station)
+        self.pair = PlanarPair(arm, cartesian, elbow)
+        self._check_plane()
+        self.pair.settle()
+        check_position_limits(arm, self.pair.station, self.evaluate(self.pair.station)[0])
 
-    def _measure(self) -> None:
-        """Read the link lengths, the plane and the zero angles off the arm at ``q = 0``."""
-        arm = self.arm
-        if arm.dof != 2 or bool(np.any(arm.model.prismatic)):
-            raise PathError(
-                f"arm {arm.name!r} has {arm.dof} joints: lines and arcs are followed by two-link arms only",
-                remedy="use an arm with two revolute joints",
-            )
-        zero = np.zeros(2)
-        first, second = arm.link_poses(zero)
-        tip = arm.tip_pose(zero)[:3, 3]
-        axis = first[:3, :3] @ arm.model.axis[0]
-        side = float(axis @ (second[:3, :3] @ arm.model.axis[1]))
-        if abs(abs(side) - 1.0) > 1e-9:
-            raise PathError(
-                f"the two joint axes of arm {arm.name!r} are not parallel", remedy="use a planar two-link arm"
-            )
-        upper, lower = second[:3, 3] - first[:3, 3], tip - second[:3, 3]
-        upper, lower = upper - axis * (axis @ upper), lower - axis * (axis @ lower)
-        self._l1, self._l2 = float(np.linalg.norm(upper)), float(np.linalg.norm(lower))
-        if min(self._l1, self._l2) < 1e-6:
-            raise PathError(f"a link of arm {arm.name!r} has no length in the plane of motion")
-        x_axis = upper / self._l1
-        self._plane = np.stack([x_axis, np.cross(axis, x_axis)])
-        self._axis, self._origin, self._height = axis, first[:3, 3], float(axis @ tip)
-        self._side = float(np.sign(side))  # -1: the second axis points the other way
-        self._zero2 = float(np.arctan2(lower @ self._plane[1], lower @ self._plane[0]))
-
-    def _radius(self, position: Array) -> tuple[Array, Array]:
-        in_plane = (position - self._origin) @ self._plane.T
-        return in_plane, np.hypot(in_plane[..., 0], in_plane[..., 1])
-
-    def _check_reach(self, station: Array) -> None:
-        position = self.cartesian.evaluate(station)[0]
-        name, l1, l2 = self.arm.name, self._l1, self._l2
-        off = np.abs(position @ self._axis - self._height)
+    def _check_plane(self) -> None:
+        pair = self.pair
+        off = np.abs(self.cartesian.evaluate(pair.station)[0] @ pair.axis - pair.height)
         if off.max() > 1e-6:
             k = int(off.argmax())
+            name, station = self.arm.name, float(pair.station[k])
             raise PathError(
-                f"path of arm {name!r} leaves the plane in which its tip moves by {off[k]:.4g} m at {station[k]:.4g} m",
-                remedy=f"keep its points at height {self._height:.6g} m along the joint axes",
+                f"path of arm {name!r} leaves the plane in which its tip moves by {off[k]:.4g} m at {station:.4g} m",
+                remedy=f"keep its points at height {pair.height:.6g} m along the joint axes",
                 arm=name,
-                station=float(station[k]),
-            )
-        radius = self._radius(position)[1]
-        for k, wrong in ((int(radius.argmax()), "far"), (int(radius.argmin()), "near")):
-            if not abs(l1 - l2) <= radius[k] <= l1 + l2:
-                raise PathError(
-                    f"path of arm {name!r} is unreachable at station {station[k]:.4g} m: "
-                    f"{radius[k]:.4g} m from its base, too {wrong} for links of {l1:.4g} m and {l2:.4g} m",
-                    remedy="move the path or the base",
-                    arm=name,
-                    station=float(station[k]),
-                )
-            cosine = (radius[k] ** 2 - l1**2 - l2**2) / (2.0 * l1 * l2)
-            if 1.0 - cosine**2 < SINGULAR_SINE**2:
-                raise PathError(
-                    f"path of arm {name!r} is singular at station {station[k]:.4g} m: the arm is "
-                    f"{'stretched' if wrong == 'far' else 'folded'} there",
-                    remedy="keep the path away from the limits of its reach",
-                    arm=name,
-                    station=float(station[k]),
-                )
-
-    def _whole_turns(self, joint: int, q: Array) -> float:
-        """The number of turns [rad] by which a joint best fits its position limits."""
-        low, high = self.arm.position_min[joint], self.arm.position_max[joint]
-        middle = 0.5 * (q.min() + q.max())
-        wanted = 0.5 * (low + high) if np.isfinite(low) and np.isfinite(high) else np.clip(0.0, low, high)
-        return float(2.0 * np.pi * np.round((wanted - middle) / (2.0 * np.pi)))
-
-    def _check_limits(self, station: Array) -> None:
-        q = self.evaluate(station)[0]
-        excess = np.maximum(q - self.arm.position_max, self.arm.position_min - q)
-        k, joint = np.unravel_index(int(excess.argmax()), excess.shape)
-        if excess[k, joint] > 0.0:
-            raise PathError(
-                f"path of arm {self.arm.name!r} breaks the limit of joint {self.arm.joint_names[joint]!r} at station "
-                f"{station[k]:.4g} m: {q[k, joint]:.4g} rad is outside [{self.arm.position_min[joint]:.4g}, "
-                f"{self.arm.position_max[joint]:.4g}]",
-                remedy="move the path, take the other elbow, or widen limits.position_rad",
-                arm=self.arm.name,
-                station=float(station[k]),
-                joint=int(joint),
+                station=station,
             )
 
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Joint angles [rad] and their first and second derivatives by length [rad/m, rad/m^2], each (..., 2)."""
         lam = np.clip(np.asarray(lam, dtype=np.float64), 0.0, self.length)
-        position, tangent, curvature = self.cartesian.evaluate(lam, before=before)
-        in_plane, r = self._radius(position)
-        l1, l2 = self._l1, self._l2
-        bend = self._side * (1.0 if self.elbow == "positive" else -1.0)
-        cos2 = np.clip((r**2 - l1**2 - l2**2) / (2.0 * l1 * l2), -1.0, 1.0)
-        sin2 = bend * np.sqrt(1.0 - cos2**2)
-        theta1 = np.arctan2(in_plane[..., 1], in_plane[..., 0]) - np.arctan2(l2 * sin2, l1 + l2 * cos2)
-        near = np.interp(lam, self._station, self._turns)
-        theta1 += 2.0 * np.pi * np.round((near - theta1) / (2.0 * np.pi))
-        theta2 = np.arctan2(sin2, cos2)
+        return self.pair.evaluate(lam, before=before)
 
-        x1, y1 = l1 * np.cos(theta1), l1 * np.sin(theta1)
-        x2, y2 = l2 * np.cos(theta1 + theta2), l2 * np.sin(theta1 + theta2)
-
-        def joint_rates(x: Array, y: Array) -> tuple[Array, Array]:
-            """Solve ``J rates = (x, y)``; the determinant is l1 l2 sin(theta2)."""
-            both = (x2 * x + y2 * y) / (l1 * l2 * sin2)
-            return both, -((x1 + x2) * x + (y1 + y2) * y) / (l1 * l2 * sin2)
-
-        p, pp = tangent @ self._plane.T, curvature @ self._plane.T
-        d1, d2 = joint_rates(p[..., 0], p[..., 1])
-        w = d1 + d2
-        dd1, dd2 = joint_rates(pp[..., 0] + x1 * d1**2 + x2 * w**2, pp[..., 1] + y1 * d1**2 + y2 * w**2)
-        q2 = self._side * (theta2 - self._zero2) + self._turn2  # theta2 keeps its sign: no jump
-        return (
-            np.stack([theta1, q2], axis=-1),
-            np.stack([d1, self._side * d2], axis=-1),
-            np.stack([dd1, self._side * dd2], axis=-1),
-        )
+    def inverse(self, position: Array, lam: ArrayLike) -> Array:
+        """Joint angles (..., 2) [rad] with the tip at ``position`` (..., 3) [m], which is near station ``lam``."""
+        return self.pair.inverse(position, lam)
 
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
-        """Upper bounds of ``|f'|`` over the intervals [low, high], (..., 2) [rad/m].
-
-        The tip moves one metre per metre of path, so its distance from the axis stays within half an interval of that
-        at the centre; the bounds are those of the closed form over that range of distances.
-        """
-        low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
-        l1, l2, half = self._l1, self._l2, 0.5 * (high - low)
-        r = self._radius(self.cartesian.evaluate(0.5 * (low + high))[0])[1]
-        near, far = np.maximum(r - half, 1e-12), r + half
-
-        def sine(radius: Array) -> Array:
-            cosine = np.clip((radius**2 - l1**2 - l2**2) / (2.0 * l1 * l2), -1.0, 1.0)
-            return np.sqrt(1.0 - cosine**2)
-
-        def numerator(radius: Array) -> Array:
-            return np.abs(radius**2 - l1**2 + l2**2)
-
-        with np.errstate(divide="ignore"):
-            lever = l1 * l2 * np.minimum(sine(near), sine(far))  # the sine is concave in r^2: smallest at an end
-            bound2 = far / lever
-            bound1 = np.hypot(1.0 / near, np.maximum(numerator(near), numerator(far)) / (2.0 * near * lever))
-        return np.stack([bound1, bound2], axis=-1)
+        """Upper bounds of ``|f'|`` over the intervals [low, high], (..., 2) [rad/m]."""
+        return self.pair.speed_bound(low, high)

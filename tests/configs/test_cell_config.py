@@ -170,7 +170,7 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     "misspelt required key": (
         segment({"arc": {"to": [0, 0, 0], "center_m": [0, 0, 0]}}),
         "arms[1].path.segments[0].arc.to",
-        "unknown key (did you mean 'to_m'? known: to_m, center_m, turn, normal)",
+        "unknown key (did you mean 'to_m'? known: to_m, center_m, via_m, turn, normal)",
     ),
     "unlike any key": (top({"zzz": 1}), "zzz", "unknown key (known: kind, name, description, d_min_m"),
     "missing": (drop("d_min_m"), "d_min_m", "missing (add it: Smallest distance allowed between the surfaces"),
@@ -268,10 +268,9 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     ),
     "number for a mapping": (top({"arms": [5]}), "arms[0]", "must be a mapping of keys to values, got 5 ("),
     "left empty": (top({"obstacles": None}), "obstacles", "must be a list, got null (Bodies that stand still)"),
-    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination', got 'dance' (What the cell is for)"),
-    "blend": (top({"kind": "blend"}), "kind", "'blend' is not available in this version (use kind: coordination)"),
-    "ik": (top({"kind": "ik"}), "kind", "'ik' is not available in this version (use kind: coordination)"),
-    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', got ['ik'] ("),
+    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination' or 'blend', got 'dance' (use kind:"),
+    "ik": (top({"kind": "ik"}), "kind", "'ik' is not available in this version (use kind: coordination or blend)"),
+    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination' or 'blend', got ['ik'] ("),
     "a source of its own": (top({"source": "x"}), "source", "unknown key ("),
 }
 

@@ -1,0 +1,171 @@
+"""A blend cell: one arm whose tip follows lines and arcs with blended corners, and its line-speed profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, final, get_args
+
+from armtempo.configs import BlendCellConfig, change_blend
+from armtempo.errors import UnknownNameError
+from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_path import Segment
+from armtempo.planners._joint_path import JointPath
+from armtempo.planners._limit_aware import limit_aware_profile
+from armtempo.planners._line_speed import LineSpeedLimits, LineSpeedProfile
+from armtempo.planners._planar_pair import Elbow
+from armtempo.planners._scara_path import ScaraPath
+from armtempo.planners._two_link_path import TwoLinkPath
+from armtempo.robots import Arm, Shape
+
+ProfileName = Literal["line-speed", "limit-aware"]
+PROFILES: tuple[ProfileName, ...] = get_args(ProfileName)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+@final
+class BlendCell:
+    """One arm on a blended path. Make one with ``load_cell`` or ``build_cell``; nothing in it changes.
+
+    Attributes:
+        name: The cell's name.
+        config: What it was built from; a ``variant`` has other corners or another path.
+        arm: The arm.
+        elbow: Its branch.
+        segments: Lines and arcs that meet in corners.
+        blended: The same with the corners rounded.
+        path: The arm's joints along it.
+    """
+
+    name: str
+    config: BlendCellConfig
+    arm: Arm
+    elbow: Elbow
+    segments: tuple[Segment, ...]
+    blended: BlendedPath
+    path: JointPath
+
+    @classmethod
+    def of(cls, config: BlendCellConfig, arm: Arm, elbow: Elbow, segments: Sequence[Segment]) -> BlendCell:
+        """Blend the segments as ``config`` says and find the joints along them.
+
+        Raises:
+            PathError: A corner cannot be blended, or the arm cannot follow.
+        """
+        blend = config.blend
+        blended = BlendedPath(
+            segments,
+            blend.remaining_distance_m,
+            shape_factor=blend.shape_factor,
+            tolerance=blend.tolerance_m,
+            curve=blend.curve,
+        )
+        path = (TwoLinkPath if arm.dof == 2 else ScaraPath)(arm, blended, elbow)
+        return cls(
+            name=config.name,
+            config=config,
+            arm=arm,
+            elbow=elbow,
+            segments=tuple(segments),
+            blended=blended,
+            path=path,
+        )
+
+    def __deepcopy__(self, memo: dict[int, object]) -> BlendCell:
+        return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+
+    def variant(
+        self,
+        *,
+        segments: Sequence[Segment] | None = None,
+        curve: str | None = None,
+        shape_factor: float | None = None,
+        remaining_distance: float | None = None,
+    ) -> BlendCell:
+        """The same cell with another path or other corners; None keeps what it has.
+
+        Args:
+            segments: Lines and arcs in order.
+            curve: Family of the blends.
+            shape_factor: Of cubics.
+            remaining_distance: What a blend takes off each segment [m]; takes the place of a tolerance, too.
+
+        Raises:
+            PathError: As ``of``.
+            ConfigError: A value that a cell file could not have.
+        """
+        config = change_blend(
+            self.config, curve=curve, shape_factor=shape_factor, remaining_distance_m=remaining_distance
+        )
+        return self.of(config, self.arm, self.elbow, self.segments if segments is None else segments)
+
+    @property
+    def arms(self) -> tuple[Arm]:
+        """The arm, as cells of several have theirs."""
+        return (self.arm,)
+
+    @property
+    def paths(self) -> tuple[JointPath]:
+        """Its joint path."""
+        return (self.path,)
+
+    @property
+    def obstacles(self) -> tuple[Shape, ...]:
+        """None: blend cells have no bodies but the arm."""
+        return ()
+
+    @property
+    def physics_tick(self) -> float:
+        """Step of the simulation and of the reference [s]."""
+        return self.config.physics_tick_s
+
+    @property
+    def control_period(self) -> float:
+        """Time between two decisions [s]."""
+        return self.config.control_period_s
+
+    @property
+    def ticks_per_period(self) -> int:
+        """Simulation steps between two decisions."""
+        return self.config.ticks_per_period
+
+    @property
+    def contour_error_max(self) -> float:
+        """Distance of the tip from the path at which an episode ends [m]."""
+        return self.config.contour_error_max_m
+
+    @cached_property
+    def line_speed(self) -> LineSpeedProfile:
+        """The paper's profile: limits along the path only."""
+        given = self.config.line_speed
+        limits = LineSpeedLimits(
+            speed=given.speed_m_s,
+            acceleration=given.acceleration_m_s2,
+            jerk=given.jerk_m_s3,
+            normal_acceleration=given.normal_acceleration_m_s2,
+        )
+        return LineSpeedProfile.plan(self.blended.length, limits, reading=given.acceleration_reading)
+
+    @property
+    def limits(self) -> LineSpeedLimits:
+        """Limits of the tip; the acceleration is the peak that goes with the given one."""
+        limits = self.line_speed.limits
+        if self.config.line_speed.normal_acceleration_m_s2 is None:
+            return replace(limits, normal_acceleration=limits.acceleration)
+        return limits
+
+    @cached_property
+    def limit_aware(self) -> LineSpeedProfile:
+        """The profile that keeps normal acceleration and the vector's jerk, too."""
+        return limit_aware_profile(self.blended, self.limits)
+
+    def profile(self, name: str) -> LineSpeedProfile:
+        """A profile by name: ``line-speed`` or ``limit-aware``.
+
+        Raises:
+            UnknownNameError: No such profile.
+        """
+        if name not in PROFILES:
+            raise UnknownNameError("profile", name, PROFILES)
+        return self.line_speed if name == "line-speed" else self.limit_aware
