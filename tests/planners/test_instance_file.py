@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,10 +99,10 @@ def test_flipped_bytes_are_found(file: Path, tmp_path: Path) -> None:
 
 def test_other_versions_and_missing_arrays_are_named(file: Path, tmp_path: Path) -> None:
     with np.load(file) as archive:
-        arrays = dict(archive)
+        arrays: dict[str, Any] = dict(archive)
     head = json.loads(arrays["head"].tobytes())
-    later = np.frombuffer(json.dumps(head | {"version": 99}).encode(), dtype=np.uint8)
-    np.savez(tmp_path / "later.npz", **(arrays | {"head": later}))
+    later: Any = np.frombuffer(json.dumps(head | {"version": 99}).encode(), dtype=np.uint8)
+    np.savez(tmp_path / "later.npz", allow_pickle=False, **(arrays | {"head": later}))
     with pytest.raises(InputError, match="version 99, this reads"):
         load_instance(tmp_path / "later.npz")
     del arrays["arm1_M"]
