@@ -11,6 +11,7 @@ from armtempo.planners._benchmark_set import (
 )
 from armtempo.planners._blend import Blend, blend
 from armtempo.planners._blend_kernels import PackedPath, blended_point
+from armtempo.planners._blend_cell import PROFILES, BlendCell, ProfileName
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
@@ -46,12 +47,14 @@ __all__ = [
     "FAMILIES",
     "METHODS",
     "PLANNED",
+    "PROFILES",
     "SPLITS",
     "Arc",
     "Audit",
     "BenchResult",
     "BenchmarkInstance",
     "Blend",
+    "BlendCell",
     "BlendedPath",
     "CartesianPath",
     "Cell",
@@ -83,6 +86,7 @@ __all__ = [
     "PhaseTrajectory",
     "Precedence",
     "PriorityClass",
+    "ProfileName",
     "ScaraPath",
     "Schedule",
     "ScheduleCertificate",
