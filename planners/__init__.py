@@ -9,6 +9,9 @@ from armtempo.planners._benchmark_set import (
     benchmark_instances,
     draw_benchmark,
 )
+from armtempo.planners._blend import Blend, blend
+from armtempo.planners._blend_kernels import PackedPath, blended_point
+from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
@@ -47,6 +50,8 @@ __all__ = [
     "Audit",
     "BenchResult",
     "BenchmarkInstance",
+    "Blend",
+    "BlendedPath",
     "CartesianPath",
     "Cell",
     "CellLabels",
@@ -68,6 +73,7 @@ __all__ = [
     "MakespanBound",
     "Mode",
     "MotionCertificate",
+    "PackedPath",
     "PairBound",
     "PathDynamics",
     "PathTable",
@@ -90,6 +96,8 @@ __all__ = [
     "bench_cell",
     "bench_claims",
     "benchmark_instances",
+    "blend",
+    "blended_point",
     "build_cell",
     "cell_name",
     "clearance_table",

@@ -1,8 +1,8 @@
 r"""Cartesian paths by arc length: lines, circular arcs, and chains of them.
 
 A path is given; the planners only decide *when*. Each segment maps the travelled length ``s`` [m] to the position
-``p(s)`` and its derivatives ``dp/ds`` (unit tangent) and ``d2p/ds2`` (curvature vector, [1/m]), both exact.
-Segments of a chain join with one tangent; the curvature may jump there (the joints are ``breakpoints``).
+``p(s)`` and its derivatives ``dp/ds`` (unit tangent), ``d2p/ds2`` (curvature vector, [1/m]) and ``d3p/ds3`` [1/m^2],
+all exact. Segments of a chain join with one tangent; the curvature may jump there (the joints are ``breakpoints``).
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ class Segment(Protocol):
 
     def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
+        ...
+
+    def derivatives(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """``evaluate`` and the third derivative by arc length [1/m^2], each (..., 3)."""
         ...
 
 
@@ -68,6 +72,15 @@ class Line:
         tangent = (self.end - self.start) / self.length
         position = self.start + s * tangent
         return position, np.broadcast_to(tangent, position.shape).copy(), np.zeros_like(position)
+
+    def derivatives(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """``evaluate`` and the third derivative by arc length [1/m^2], each (..., 3)."""
+        position, tangent, curvature = self.evaluate(s)
+        return position, tangent, curvature, np.zeros_like(position)
+
+    def part(self, low: float, high: float) -> Line:
+        """The piece between two arc lengths [m]."""
+        return Line(*self.evaluate([low, high])[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +141,30 @@ class Arc:
         object.__setattr__(self, "length", radius * angle)
         object.__setattr__(self, "_axes", axes)
 
+    @staticmethod
+    def through(start: ArrayLike, via: ArrayLike, end: ArrayLike) -> Arc:
+        """The arc from ``start`` over ``via`` to ``end``, three points (3,) [m].
+
+        Raises:
+            PathError: Two of them coincide, or the three lie on one line.
+        """
+        a, b, c = (_point(p, f"{name} of an arc") for p, name in ((start, "start"), (via, "via"), (end, "end")))
+        u, v = b - a, c - a
+        if min(np.linalg.norm(u), np.linalg.norm(v), np.linalg.norm(c - b)) < 1e-9:
+            raise PathError(
+                f"two of the arc's points {a.tolist()}, {b.tolist()}, {c.tolist()} are the same",
+                remedy="give three different points; a full circle is two arcs",
+            )
+        normal = np.cross(u, v)
+        area = float(normal @ normal)
+        if math.sqrt(area) < 1e-9 * float(np.linalg.norm(u) * np.linalg.norm(v)):
+            raise PathError(
+                f"the arc's points {a.tolist()}, {b.tolist()}, {c.tolist()} lie on one line",
+                remedy="use a Line, or move the middle point off it",
+            )
+        center = a + np.cross((u @ u) * v - (v @ v) * u, normal) * (0.5 / area)
+        return Arc(a, c, center, normal)
+
     def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
         turned = np.asarray(s, dtype=np.float64)[..., None] / self.radius
@@ -135,6 +172,16 @@ class Arc:
         outward = np.cos(turned) * x_axis + np.sin(turned) * y_axis
         tangent = np.cos(turned) * y_axis - np.sin(turned) * x_axis
         return self.center + self.radius * outward, tangent, -outward / self.radius
+
+    def derivatives(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """``evaluate`` and the third derivative by arc length [1/m^2], each (..., 3)."""
+        position, tangent, curvature = self.evaluate(s)
+        return position, tangent, curvature, -tangent / self.radius**2
+
+    def part(self, low: float, high: float) -> Arc:
+        """The piece between two arc lengths [m]."""
+        start, end = self.evaluate([low, high])[0]
+        return Arc(start, end, self.center, self.normal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,13 +229,17 @@ class CartesianPath:
 
         At a joint the segment behind it counts, or the one before it if ``before``.
         """
+        return self.derivatives(s, before=before)[:3]
+
+    def derivatives(self, s: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array, Array]:
+        """``evaluate`` and the third derivative by arc length [1/m^2], each (..., 3)."""
         s = np.clip(np.asarray(s, dtype=np.float64), 0.0, self.length)
         index = np.searchsorted(self.breakpoints, s, side="left" if before else "right") - 1
         index = np.clip(index, 0, len(self.segments) - 1)
-        out = tuple(np.empty((*s.shape, 3)) for _ in range(3))
+        out = tuple(np.empty((*s.shape, 3)) for _ in range(4))
         for k, segment in enumerate(self.segments):
             chosen = index == k
             if chosen.any():
-                for whole, part in zip(out, segment.evaluate(s[chosen] - self.breakpoints[k]), strict=True):
+                for whole, part in zip(out, segment.derivatives(s[chosen] - self.breakpoints[k]), strict=True):
                     whole[chosen] = part
-        return out[0], out[1], out[2]
+        return out[0], out[1], out[2], out[3]
