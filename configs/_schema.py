@@ -448,8 +448,8 @@ class CellConfig(_CellFile):
 class BlendConfig(_Model):
     """How corners are rounded: all of them alike."""
 
-    curve: Literal["cubic", "quintic"] = "cubic"
-    """Family of the curve: the paper's ``cubic``, or a ``quintic`` without a jump of curvature at any corner."""
+    curve: Literal["cubic", "quintic", "low-peak", "septic", "least-time"] = "cubic"
+    """Family of the curve: the paper's ``cubic``; the others have no jump of curvature at any corner."""
     shape_factor: Positive = 3.0
     """End tangents of the cubic in remaining distances; at 3 the curvature does not jump between lines."""
     remaining_distance_m: Positive | None = None

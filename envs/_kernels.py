@@ -52,6 +52,40 @@ def move(
 
 
 @njit
+def joint_torques(
+    model: ArmModel,
+    before: Array,
+    now: Array,
+    after: Array,
+    q: Array,
+    qd: Array,
+    coulomb: Array,
+    torque_max: Array,
+    gain: float,
+    dt: float,
+    demand: Array,
+    torque: Array,
+) -> None:
+    r"""The joint controller of one arm: from measured ``q``, ``qd`` to ``torque``; ``demand`` is before clipping.
+
+    PyBullet steps semi-implicitly: ``qd' = qd + dt qdd(q, qd, tau)``, ``q' = q + dt qd'``. On the plan, the
+    acceleration that lands on the next reference is its second difference, and the measured speed is the *backward*
+    difference: with both, a plan at the torque limits runs without a reserve. ``before``, ``now``, ``after``:
+    references. All (n,).
+    """
+    n = q.shape[0]
+    qdd = np.empty(n)
+    for j in range(n):
+        wanted = (after[j] - 2.0 * now[j] + before[j]) / (dt * dt)
+        speed = (now[j] - before[j]) / dt
+        qdd[j] = wanted + gain * gain * (now[j] - q[j]) + 2.0 * gain * (speed - qd[j])
+    kernels.inverse_dynamics(model, q, qd, qdd, demand)
+    for j in range(n):  # friction: viscous as it is felt, dry as the reference moves
+        demand[j] += model.damping[j] * qd[j] + coulomb[j] * np.sign(after[j] - now[j])
+        torque[j] = min(max(demand[j], -torque_max[j]), torque_max[j])
+
+
+@njit
 def control(
     world: World,
     state: State,
@@ -64,32 +98,31 @@ def control(
     demand: Array,
     torque: Array,
 ) -> None:
-    r"""One tick of references and of the joint controller, from ``measured`` (2, A, n) to ``torque`` (A, n).
+    """One tick of references and of the joint controllers, from ``measured`` (2, A, n) to ``torque`` (A, n).
 
-    PyBullet steps semi-implicitly: ``qd' = qd + dt qdd(q, qd, tau)``, ``q' = q + dt qd'``. On the plan, the
-    acceleration that lands on the next reference is its second difference, and the measured speed is the *backward*
-    difference: with both, a plan at the torque limits runs without a reserve. ``reference`` (3, A, n): before, now,
-    next; shifted here.
+    ``reference`` (3, A, n): before, now, next; shifted here.
     """
     dt = world.tick
     arms = demand.shape[0]
     for i in range(arms):
         move(rows_of(world, i), edges_of(world, i), state, i, commands[i], world.by_speed, late[i], time, dt)
         n = world.size[i, 1]
-        model = model_of(world, i)
         reference[0, i], reference[1, i] = reference[1, i], reference[2, i]
         path_point(table_of(world, i), state.lam[i], reference[2, i][:n])
-        q, qd, qdd = measured[0, i][:n], measured[1, i][:n], np.empty(n)
-        for j in range(n):
-            before, now, after = reference[0, i, j], reference[1, i, j], reference[2, i, j]
-            wanted = (after - 2.0 * now + before) / (dt * dt)
-            speed = (now - before) / dt
-            qdd[j] = wanted + gain * gain * (now - q[j]) + 2.0 * gain * (speed - qd[j])
-        kernels.inverse_dynamics(model, q, qd, qdd, demand[i][:n])
-        for j in range(n):  # friction: viscous as it is felt, dry as the reference moves
-            dry = world.coulomb[i, j] * np.sign(reference[2, i, j] - reference[1, i, j])
-            demand[i, j] += model.damping[j] * qd[j] + dry
-            torque[i, j] = min(max(demand[i, j], -world.torque_max[i, j]), world.torque_max[i, j])
+        joint_torques(
+            model_of(world, i),
+            reference[0, i][:n],
+            reference[1, i][:n],
+            reference[2, i][:n],
+            measured[0, i][:n],
+            measured[1, i][:n],
+            world.coulomb[i],
+            world.torque_max[i],
+            gain,
+            dt,
+            demand[i][:n],
+            torque[i][:n],
+        )
 
 
 @njit
@@ -114,7 +147,7 @@ def moved_closer(before: Array, now: Array, lever: Array) -> float:
 def tip_positions(world: World, q: Array, out: Array) -> None:
     """Tips (A, 3) [m] at joint positions ``q`` (A, n)."""
     for i in range(q.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = _tip(model_of(world, i), q[i][: world.size[i, 1]])
+        out[i, 0], out[i, 1], out[i, 2] = tip_of(model_of(world, i), q[i][: world.size[i, 1]])
 
 
 @njit
@@ -124,12 +157,12 @@ def tracking_error(world: World, state: State, q: Array, error: Array) -> None:
         n, model = world.size[i, 1], model_of(world, i)
         wanted = np.empty(n)
         path_point(table_of(world, i), state.lam[i], wanted)
-        a, b = _tip(model, q[i][:n]), _tip(model, wanted)
+        a, b = tip_of(model, q[i][:n]), tip_of(model, wanted)
         error[i] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @njit
-def _tip(model: ArmModel, q: Array) -> tuple[float, float, float]:
+def tip_of(model: ArmModel, q: Array) -> tuple[float, float, float]:
     n = model.mass.shape[0]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
     kernels.link_frames(model, q, R, p)

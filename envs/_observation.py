@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,11 +47,11 @@ ENTRIES = (
 SIZE = len(ENTRIES)
 
 
-def observation_space() -> Box:
-    """The space of one arm's observation, (17,) float32."""
+def observation_space(entries: Sequence[Entry] = ENTRIES) -> Box:
+    """The space of observations of these entries, float32; of one arm's among others (17,)."""
     return Box(
-        np.array([entry.low for entry in ENTRIES], dtype=np.float32),
-        np.array([entry.high for entry in ENTRIES], dtype=np.float32),
+        np.array([entry.low for entry in entries], dtype=np.float32),
+        np.array([entry.high for entry in entries], dtype=np.float32),
         dtype=np.float32,
     )
 
@@ -65,10 +66,10 @@ def share(entry: float) -> float:
     return 0.5 * (float(entry) + 1.0)
 
 
-def observation_table() -> str:
+def observation_table(entries: Sequence[Entry] = ENTRIES) -> str:
     """The table of entries as text, for docstrings."""
     lines = ["====  ==============================  ==========  " + "=" * 70]
     lines.append("index name                            range       meaning")
     lines.append(lines[0])
-    lines += [f"{k:<5} {e.name:<31} [{e.low:g}, {e.high:g}]".ljust(49) + f" {e.meaning}" for k, e in enumerate(ENTRIES)]
+    lines += [f"{k:<5} {e.name:<31} [{e.low:g}, {e.high:g}]".ljust(49) + f" {e.meaning}" for k, e in enumerate(entries)]
     return "\n    ".join([*lines, lines[0]])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from armtempo.envs._bullet import pybullet
 from armtempo.envs._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
-from armtempo.planners import Cell
+from armtempo.planners import BlendCell, Cell
 from armtempo.robots import Shape
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class Renderer:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: Cell, mode: str) -> None:
+    def __init__(self, cell: Cell | BlendCell, mode: str) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",

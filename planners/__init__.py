@@ -9,8 +9,11 @@ from armtempo.planners._benchmark_set import (
     benchmark_instances,
     draw_benchmark,
 )
-from armtempo.planners._blend import Blend, blend
+from armtempo.planners._blend import Blend, blend, least_time_blend
+from armtempo.planners._blend_cell import PROFILES, BlendCell, ProfileName
+from armtempo.planners._blend_corners import CURVES, PassingLimits
 from armtempo.planners._blend_kernels import PackedPath, blended_point
+from armtempo.planners._blend_least_time import passing_cost
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
@@ -24,9 +27,11 @@ from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
+from armtempo.planners._length_mapping import ExactMapping, LengthMapping, PredictorCorrector, arc_length, rk4_length
 from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._path_dynamics import PathDynamics
+from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_path
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
@@ -42,16 +47,20 @@ from armtempo.planners._waypoint_file import read_waypoints
 from armtempo.planners._waypoint_path import WaypointPath
 
 __all__ = [
+    "CURVES",
     "ENGINES",
     "FAMILIES",
     "METHODS",
+    "PATH_FAMILIES",
     "PLANNED",
+    "PROFILES",
     "SPLITS",
     "Arc",
     "Audit",
     "BenchResult",
     "BenchmarkInstance",
     "Blend",
+    "BlendCell",
     "BlendedPath",
     "CartesianPath",
     "Cell",
@@ -60,13 +69,16 @@ __all__ = [
     "Claim",
     "ClearanceTable",
     "CoordinationChart",
+    "ExactMapping",
     "Execution",
+    "FamilyName",
     "GeneratedCell",
     "Instance",
     "IntervalSearch",
     "Island",
     "JointPath",
     "JointTrajectory",
+    "LengthMapping",
     "Line",
     "LineSpeedCertificate",
     "LineSpeedLimits",
@@ -76,13 +88,16 @@ __all__ = [
     "MotionCertificate",
     "PackedPath",
     "PairBound",
+    "PassingLimits",
     "PathDynamics",
     "PathTable",
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
     "Precedence",
+    "PredictorCorrector",
     "PriorityClass",
+    "ProfileName",
     "ScaraPath",
     "Schedule",
     "ScheduleCertificate",
@@ -94,6 +109,7 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "WaypointPath",
+    "arc_length",
     "audit_clearance",
     "bench_cell",
     "bench_claims",
@@ -106,14 +122,17 @@ __all__ = [
     "default_engine",
     "diagnose",
     "draw_benchmark",
+    "draw_path",
     "execution_of",
     "generate_cell",
     "label_cell",
+    "least_time_blend",
     "load_cell",
     "load_instance",
     "makespan_bound",
     "minimum_time",
     "pair_bound",
+    "passing_cost",
     "path_point",
     "phase_kernels",
     "plan_vci",
@@ -121,6 +140,7 @@ __all__ = [
     "read_trajectory",
     "read_waypoints",
     "refined_plane",
+    "rk4_length",
     "save_instance",
     "schedule",
     "tabulated_clearance",

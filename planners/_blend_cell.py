@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, final, get_args
 
 from armtempo.configs import BlendCellConfig, change_blend
 from armtempo.errors import UnknownNameError
 from armtempo.planners._blended_path import BlendedPath
-from armtempo.planners._cartesian_path import Segment
+from armtempo.planners._cartesian_path import Arc, Line
 from armtempo.planners._joint_path import JointPath
-from armtempo.planners._limit_aware import limit_aware_profile
 from armtempo.planners._line_speed import LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._planar_pair import Elbow
 from armtempo.planners._scara_path import ScaraPath
@@ -42,12 +41,12 @@ class BlendCell:
     config: BlendCellConfig
     arm: Arm
     elbow: Elbow
-    segments: tuple[Segment, ...]
+    segments: tuple[Line | Arc, ...]
     blended: BlendedPath
     path: JointPath
 
     @classmethod
-    def of(cls, config: BlendCellConfig, arm: Arm, elbow: Elbow, segments: Sequence[Segment]) -> BlendCell:
+    def of(cls, config: BlendCellConfig, arm: Arm, elbow: Elbow, segments: Sequence[Line | Arc]) -> BlendCell:
         """Blend the segments as ``config`` says and find the joints along them.
 
         Raises:
@@ -60,6 +59,7 @@ class BlendCell:
             shape_factor=blend.shape_factor,
             tolerance=blend.tolerance_m,
             curve=blend.curve,
+            limits=_given_limits(config),
         )
         path = (TwoLinkPath if arm.dof == 2 else ScaraPath)(arm, blended, elbow)
         return cls(
@@ -78,7 +78,7 @@ class BlendCell:
     def variant(
         self,
         *,
-        segments: Sequence[Segment] | None = None,
+        segments: Sequence[Line | Arc] | None = None,
         curve: str | None = None,
         shape_factor: float | None = None,
         remaining_distance: float | None = None,
@@ -138,26 +138,19 @@ class BlendCell:
     @cached_property
     def line_speed(self) -> LineSpeedProfile:
         """The paper's profile: limits along the path only."""
-        given = self.config.line_speed
-        limits = LineSpeedLimits(
-            speed=given.speed_m_s,
-            acceleration=given.acceleration_m_s2,
-            jerk=given.jerk_m_s3,
-            normal_acceleration=given.normal_acceleration_m_s2,
-        )
-        return LineSpeedProfile.plan(self.blended.length, limits, reading=given.acceleration_reading)
+        reading = self.config.line_speed.acceleration_reading
+        return LineSpeedProfile.plan(self.blended.length, _given_limits(self.config), reading=reading)
 
     @property
     def limits(self) -> LineSpeedLimits:
         """Limits of the tip; the acceleration is the peak that goes with the given one."""
-        limits = self.line_speed.limits
-        if self.config.line_speed.normal_acceleration_m_s2 is None:
-            return replace(limits, normal_acceleration=limits.acceleration)
-        return limits
+        return self.line_speed.limits
 
     @cached_property
     def limit_aware(self) -> LineSpeedProfile:
         """The profile that keeps normal acceleration and the vector's jerk, too."""
+        from armtempo.planners._limit_aware import limit_aware_profile
+
         return limit_aware_profile(self.blended, self.limits)
 
     def profile(self, name: str) -> LineSpeedProfile:
@@ -169,3 +162,13 @@ class BlendCell:
         if name not in PROFILES:
             raise UnknownNameError("profile", name, PROFILES)
         return self.line_speed if name == "line-speed" else self.limit_aware
+
+
+def _given_limits(config: BlendCellConfig) -> LineSpeedLimits:
+    given = config.line_speed
+    return LineSpeedLimits(
+        speed=given.speed_m_s,
+        acceleration=given.acceleration_m_s2,
+        jerk=given.jerk_m_s3,
+        normal_acceleration=given.normal_acceleration_m_s2,
+    )

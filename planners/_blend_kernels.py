@@ -84,7 +84,7 @@ def curve_speed(shape: Array, degree: int, u: float) -> float:
     x = y = z = 0.0
     for k in range(degree, 0, -1):
         x, y, z = x * u + k * shape[k, 0], y * u + k * shape[k, 1], z * u + k * shape[k, 2]
-    return np.sqrt(x * x + y * y + z * z)
+    return float(np.sqrt(x * x + y * y + z * z))
 
 
 @njit
@@ -188,7 +188,7 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
     for k in range(NODES):
         inverse[k] *= h
     inverse[0] += u
-    return size if worst * size <= most else -size
+    return float(size if worst * size <= most else -size)
 
 
 @njit
@@ -247,7 +247,7 @@ def curve_parameter(packed: PackedPath, k: int, s: float) -> float:
     u = packed.inverse[low, NODES - 1]
     for j in range(NODES - 2, -1, -1):
         u = u * x + packed.inverse[low, j]
-    return min(max(u, 0.0), 1.0)
+    return float(min(max(u, 0.0), 1.0))
 
 
 @njit
@@ -369,7 +369,7 @@ def curve_distance(shape: Array, degree: int, vertex: Array) -> float:
             break
         u = step
     curve_position(shape, degree, u, out[0])
-    return np.sqrt(np.sum((out[0] - vertex) ** 2))
+    return float(np.sqrt(np.sum((out[0] - vertex) ** 2)))
 
 
 @njit
@@ -426,14 +426,20 @@ def remaining_for(
 
 @njit
 def corner_distances(
-    kind: Ints, shape: Array, lengths: Array, shares: Array, degree: Ints, tolerance: Array, out: Array
+    kind: Ints,
+    shape: Array,
+    lengths: Array,
+    shares: Array,
+    degree: Ints,
+    tolerance: Array,
+    skip: NDArray[np.bool_],
+    out: Array,
 ) -> None:
-    """``remaining_for`` at every corner, (n - 1,), into ``out`` (n - 1,); no limit for lines."""
+    """``remaining_for`` at all corners (C,) but those to ``skip`` (C,), into ``out`` (C,); no limit for lines."""
     for k in range(out.shape[0]):
-        most = min(lengths[k], lengths[k + 1])
-        out[k] = remaining_for(
-            kind[k : k + 2], shape[k : k + 2], lengths[k], shares[k], degree[k], tolerance[k], most
-        )  # fmt: skip
+        if not skip[k]:
+            corner = (kind[k : k + 2], shape[k : k + 2], lengths[k])
+            out[k] = remaining_for(*corner, shares[k], degree[k], tolerance[k], min(lengths[k], lengths[k + 1]))
 
 
 @njit

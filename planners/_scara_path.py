@@ -29,7 +29,7 @@ class ScaraPath(JointPath):
     """The joint path of a SCARA whose tip follows a Cartesian path.
 
     The wrist is at zero at the start (or whole turns from it, where its range asks for that), and the tool keeps that
-    orientation; along a ``BlendedPath`` with two orientations it turns by their difference, in proportion to the length.
+    orientation. Along a ``BlendedPath`` with two orientations it turns by their difference, in proportion to length.
 
     Args:
         arm: Four joints with parallel axes: two that turn, then a slide and a wrist in either order. Its tip lies on
@@ -111,9 +111,11 @@ class ScaraPath(JointPath):
         return angle / self.length
 
     def inverse(self, position: Array, lam: ArrayLike) -> Array:
-        """Joint positions (..., 4) [rad, m] with the tip at ``position`` (..., 3) [m], which is near station ``lam``."""
+        """Joint positions (..., 4) [rad, m] with the tip at ``position`` (..., 3) [m], near station ``lam``."""
         pair = self.pair.inverse(position, lam)
-        return self._joints(pair, position @ self.pair.axis - self.pair.height, self._yaw + self._yaw_rate * np.asarray(lam))
+        return self._joints(
+            pair, position @ self.pair.axis - self.pair.height, self._yaw + self._yaw_rate * np.asarray(lam)
+        )
 
     def _joints(self, pair: Array, height: Array, yaw: ArrayLike) -> Array:
         """All four joints from the first two, the height and the yaw of the tool; or the rates of all."""
@@ -137,7 +139,7 @@ class ScaraPath(JointPath):
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Array:
         """Upper bounds of ``|f'|`` over the intervals [low, high], (..., 4) [rad/m, 1].
 
-        The slide is never faster than the tip, the wrist never faster than both joints that it makes up for and the tool.
+        The slide is never faster than the tip, the wrist than the tool and both joints that it makes up for.
         """
         pair = self.pair.speed_bound(low, high)
         bound = np.empty((*pair.shape[:-1], 4))

@@ -1,0 +1,276 @@
+"""Episodes of a blend cell, tick by tick: the reference along the path, physics or none, contour error, arrival.
+
+It knows the arm and time, not spaces or rewards; the controller and the scene are those of the cells of several arms.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs._bullet import pybullet
+from armtempo.envs._kernels import joint_torques
+from armtempo.envs._scene import Scene
+from armtempo.envs._simulation import (
+    CONTROLLER_GAIN,
+    PHYSICS,
+    SETTLED_DISTANCE,
+    SETTLED_SPEED,
+    SETTLED_TIME,
+    Physics,
+)
+from armtempo.envs._tracking_kernels import measure_tip
+from armtempo.errors import InputError, UnknownNameError
+from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector, ProfileName
+
+Array = NDArray[np.float64]
+MappingName = Literal["exact", "paper"]
+MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class BlendTrace:
+    """An episode at its ticks, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
+
+    Attributes:
+        cell: Where it was; of another path or other corners where the episode had some of its own.
+        time: (T+1,) [s].
+        s: (T+1,) length that the reference has travelled [m]; v, a: its speed [m/s] and acceleration [m/s^2].
+        override: (T+1,) feed-rate override.
+        q: (T+1, n) joint positions: measured, or of the reference without physics [rad, m].
+        tip: (T+1, 3) where they put the tip [m].
+        station: (T+1,) the place of the path nearest to it [m].
+        contour_error: (T+1,) how far it is from there [m].
+        line_speed: (T+1,) speed of the tip between ticks, point to point [m/s].
+        arc_speed: (T+1,) the same along the path: what ``station`` gained.
+        torque: (T+1, n) applied [N m, N]; demand: before clipping at the limits.
+        torque_max: (n,) the limits.
+        arrival: Instant of arrival [s]; nan where the arm did not arrive.
+        left: Whether the tip left the tube around the path.
+    """
+
+    cell: BlendCell
+    time: Array
+    s: Array
+    v: Array
+    a: Array
+    override: Array
+    q: Array
+    tip: Array
+    station: Array
+    contour_error: Array
+    line_speed: Array
+    arc_speed: Array
+    torque: Array
+    demand: Array
+    torque_max: Array
+    arrival: float
+    left: bool
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def torque_ratio_max(self) -> float:
+        """Largest |applied torque| / limit."""
+        return float(np.max(np.abs(self.torque) / self.torque_max))
+
+    @property
+    def torque_demand_ratio_max(self) -> float:
+        """Largest |demanded torque| / limit."""
+        return float(np.max(np.abs(self.demand) / self.torque_max))
+
+
+@final
+class BlendSimulation:
+    """One arm on a blended path, run in control periods.
+
+    Args:
+        cell: The arm on its path.
+        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
+        record: Keep a trace.
+
+    Attributes:
+        cell, profile: Of this episode.
+        s, v, a: The reference: length [m], speed and acceleration along the path.
+        tip, station, contour_error: Where the tip is (3,), the nearest place of the path, the distance to it [m].
+        tip_speed: Speed of the tip over the last tick [m/s].
+        arrival: Instant of arrival, nan before; in ``bullet`` known once the tip has settled.
+        left: Whether the tip is out of the tube.
+    """
+
+    def __init__(self, cell: BlendCell, *, physics: Physics = "bullet", record: bool = False) -> None:
+        if physics not in PHYSICS:
+            raise UnknownNameError("physics", str(physics), PHYSICS)
+        self.physics, self.record = physics, record
+        n = cell.arm.dof
+        self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
+        self._measured, self._reference = np.zeros((2, 1, n)), np.zeros((3, n))
+        self._q, self._qd = self._measured
+        self._torque, self._demand = np.zeros((1, n)), np.zeros((1, n))
+        self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
+        self._model = cell.arm.model
+        self.tip = np.zeros(3)
+        self._scene: Scene | None = None
+        if physics == "bullet":
+            self._scene = Scene(cell)
+            pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
+            pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=self._scene.client)
+        self.reset(cell, "line-speed", "exact")
+
+    def reset(self, cell: BlendCell, profile: ProfileName, mapping: MappingName) -> None:
+        """To the start of the path of ``cell`` (the arm is the same), at rest."""
+        if profile not in PROFILES:
+            raise UnknownNameError("profile", str(profile), PROFILES)
+        if mapping not in MAPPINGS:
+            raise UnknownNameError("mapping", str(mapping), MAPPINGS)
+        self.cell, self._path, self._packed = cell, cell.path, cell.blended.packed
+        self.profile: LineSpeedProfile = cell.profile(profile)
+        self.feed = FeedOverride(
+            self.profile, self.profile.limits, path=cell.blended if profile == "limit-aware" else None
+        )
+        self._paper = PredictorCorrector(cell.blended) if mapping == "paper" else None
+        self._lengths = np.zeros(1)
+        self._end = np.nan  # instant at which the reference arrives
+        self._goal = cell.blended.position(cell.blended.length)
+        self._ticks = 0
+        self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
+        self.arrival, self._settled_since, self.left = math.nan, math.nan, False
+        self._q[0], self._qd[0] = self._path.evaluate(0.0)[0], 0.0
+        self._reference[:] = self._q[0]
+        self._torque[:], self._demand[:] = 0.0, 0.0
+        if self._scene is not None:
+            self._scene.place(self._q)
+        self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], 0.0, self.tip)
+        self._rows: list[tuple[float | Array, ...]] = []
+        self._keep()
+
+    @property
+    def time(self) -> float:
+        """Instant [s]."""
+        return self._ticks * self._tick
+
+    @property
+    def lag(self) -> float:
+        """How far the tip is behind the reference along the path [m]."""
+        return self.s - self.station
+
+    @property
+    def joint_speeds(self) -> Array:
+        """(n,) joint speeds now."""
+        return self._qd[0].copy()
+
+    @property
+    def demand(self) -> Array:
+        """(n,) torques asked for in the last tick, before clipping."""
+        return self._demand[0].copy()
+
+    def joint_positions(self) -> Array:
+        """(1, n) joint positions now."""
+        return self._q.copy()
+
+    def step(self, override: float) -> None:
+        """Run one control period with the feed rate asked for; stops at the first tick out of the tube."""
+        self.feed.request(override)
+        ticks = self._ticks_per_period
+        motion = np.empty((ticks, 4))
+        for k in range(ticks):
+            done, sigma, rate = self.feed.done, self.feed.sigma, self.feed.override
+            motion[k, :3] = self.feed.step(self._tick)
+            motion[k, 3] = self.feed.override
+            if self.feed.done and not done:  # the rest of the way at the rate of now, inside the tick
+                rest = (self.profile.duration - sigma) / rate if rate > 0.0 else self._tick
+                self._end = self.time + k * self._tick + min(rest, self._tick)
+        joints = self._joints(motion[:, 0])
+        for k in range(ticks):
+            self.s, self.v, self.a = (float(x) for x in motion[k, :3])
+            self._advance(joints[k])
+            if self.record:
+                self._keep(float(motion[k, 3]))
+            if self.left:
+                break
+
+    def _joints(self, lengths: Array) -> Array:
+        """(K, n) reference joints at these travelled lengths."""
+        if self._paper is None:
+            return self._path.evaluate(lengths)[0]
+        self._lengths = np.concatenate([self._lengths, lengths])
+        return self._path.inverse(self._paper.positions(self._lengths)[-len(lengths) :], lengths)
+
+    def _advance(self, joints: Array) -> None:
+        """One tick towards the reference ``joints`` (n,)."""
+        reference, tick = self._reference, self._tick
+        reference[0], reference[1], reference[2] = reference[1].copy(), reference[2].copy(), joints
+        q, qd = self._q[0], self._qd[0]
+        joint_torques(
+            self._model, reference[0], reference[1], reference[2], q, qd, self._coulomb, self._torque_max,
+            CONTROLLER_GAIN / tick, tick, self._demand[0], self._torque[0],
+        )  # fmt: skip
+        if self._scene is None:
+            q[:] = joints
+            qd[:] = (joints - reference[1]) / tick
+        else:
+            self._scene.push(self._torque)
+            self._scene.read(self._q, self._qd)
+        self._ticks += 1
+        before, station = self.tip.copy(), self.station
+        near = self.s if self._ticks == 1 else station + self.arc_speed * tick
+        self.station, self.contour_error = measure_tip(self._model, self._packed, q, near, self.tip)
+        self.tip_speed = float(np.linalg.norm(self.tip - before)) / tick
+        self.arc_speed = (self.station - station) / tick
+        self.left = self.contour_error > self.cell.contour_error_max
+        self._arrive()
+
+    def _arrive(self) -> None:
+        """Arrival: with the reference, or at the later of its end and the first tick from which the tip is settled."""
+        if np.isnan(self._end) or self._end > self.time + 1e-12 or not np.isnan(self.arrival):
+            return
+        if self._scene is None:
+            self.arrival = self._end
+            return
+        calm = float(np.linalg.norm(self.tip - self._goal)) < SETTLED_DISTANCE and self.tip_speed < SETTLED_SPEED
+        if not calm:
+            self._settled_since = np.nan
+            return
+        if np.isnan(self._settled_since):
+            self._settled_since = self.time
+        if self.time - self._settled_since >= SETTLED_TIME - 1e-9:
+            self.arrival = max(self._end, self._settled_since)
+
+    def _keep(self, override: float = 1.0) -> None:
+        self._rows.append(
+            (
+                self.time, self.s, self.v, self.a, override, self._q[0].copy(), self.tip.copy(), self.station,
+                self.contour_error, self.tip_speed, self.arc_speed, self._torque[0].copy(), self._demand[0].copy(),
+            )
+        )  # fmt: skip
+
+    def trace(self) -> BlendTrace:
+        """What happened so far.
+
+        Raises:
+            InputError: Nothing was recorded.
+        """
+        if not self.record:
+            raise InputError("this environment keeps no trace", remedy="make it with record=True")
+        columns = [np.array(column) for column in zip(*self._rows, strict=True)]
+        names = ("time", "s", "v", "a", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed")
+        return BlendTrace(
+            cell=self.cell,
+            **dict(zip((*names, "torque", "demand"), columns, strict=True)),
+            torque_max=self._torque_max.copy(),
+            arrival=self.arrival,
+            left=self.left,
+        )
+
+    def close(self) -> None:
+        """Leave PyBullet; may be called twice."""
+        if self._scene is not None:
+            self._scene.close()
