@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,14 +13,15 @@ from armtempo.commands._reproduce import Quantity, Reproduction
 
 if TYPE_CHECKING:
     from armtempo.commands._output import Output
-    from armtempo.planners import Blend, BlendCell
+    from armtempo.planners import Blend, BlendCell, BlendedPath
 
 Array = NDArray[np.float64]
 
 MM = 1e3  # per metre
 TICK = 0.002  # [s] the paper's control period, which it does not print; all its instants are multiples of it
 REMAINING_MM = (30.0, 25.0, 20.0, 15.0)  # Table 2, Figs. 3, 5, 6
-TABLE2 = {  # L_s / L_r by column: (printed, angle [deg], what alpha is)
+Column = tuple[tuple[float, ...], float, Callable[[float], float]]
+TABLE2: dict[str, Column] = {  # L_s / L_r: printed, angle [deg], shape factor by remaining distance
     "α = 30, 90°": ((0.530, 0.495, 0.443, 0.354), 90.0, lambda remaining: 30.0 / remaining),
     "α = L_r, 90°": ((0.530,) * 4, 90.0, lambda remaining: 1.0),
     "α = L_r, 45°": ((0.693,) * 4, 45.0, lambda remaining: 1.0),
@@ -49,7 +51,8 @@ def corner(angle_deg: float, remaining: float, shape_factor: float) -> Blend:
 
     turned = math.radians(angle_deg)
     far = 2.0 * remaining * np.array([math.cos(turned), math.sin(turned), 0.0])
-    return blend(Line([2.0 * remaining, 0.0, 0.0], np.zeros(3)), Line(np.zeros(3), far), remaining, shape_factor)
+    near = np.array([2.0 * remaining, 0.0, 0.0])
+    return blend(Line(near, np.zeros(3)), Line(np.zeros(3), far), remaining, shape_factor)
 
 
 def run(cell: BlendCell) -> Run:
@@ -88,16 +91,20 @@ def _table2() -> list[Quantity]:
         for remaining, gamma in zip(REMAINING_MM, printed, strict=True):
             ours = corner(angle, remaining, factor(remaining)).deviation / remaining
             slip = "0.44194: the print rounds up" if gamma == 0.443 else ""
-            values.append(Quantity("Table 2: γ = L_s / L_r", f"{column}, L_r = {remaining:g} mm", "1", gamma, ours, 3, slip))
+            values.append(
+                Quantity("Table 2: γ = L_s / L_r", f"{column}, L_r = {remaining:g} mm", "1", gamma, ours, 3, slip)
+            )
     return values
 
 
 def _shape() -> list[Quantity]:
-    section = "Curvature where a blend begins (90°, L_r = 150 mm)"
+    section = "Curvature where a blend begins (90°)"
     values = []
     for factor, note in ((1.0, "jumps"), (2.0, "jumps"), (3.0, "exactly continuous, at every angle: a theorem")):
         _, _, bend = corner(90.0, 150.0, factor).evaluate(0.0)
-        values.append(Quantity(section, f"λ = {factor:g}", "1/m", None, MM * float(np.linalg.norm(bend)), 6, note))
+        values.append(
+            Quantity(section, f"λ = {factor:g}, L_r = 150 mm", "1/m", None, MM * float(np.linalg.norm(bend)), 6, note)
+        )
     values.append(
         Quantity(section, "length of the blend, λ = 3", "mm", None, corner(90.0, 150.0, 3.0).length, 4, "1.80214 L_r")
     )
@@ -116,8 +123,8 @@ def _simulation(cell: BlendCell, sampled: Run) -> list[Quantity]:
     instants = [float(profile.time_at(float(s))) for s in ends[1:-1]]
     whats = ("first blend begins", "first blend ends", "second blend begins", "second blend ends")
     for k, (what, paper, ours) in enumerate(zip(whats, WINDOWS, instants, strict=True)):
-        values.append(Quantity(section, what, "s", paper, ours, 4, "one sample more at each joint of its pieces, it seems:"))
-        values.append(Quantity(section, f"  with {k + 3} samples of 2 ms twice", "s", paper, ours + TICK * (k + 3), 4))
+        values.append(Quantity(section, what, "s", paper, ours, 4, "the paper seems to repeat a sample per piece:"))
+        values.append(Quantity(section, f"  and {k + 3} repeated samples", "s", paper, ours + TICK * (k + 3), 4))
     values += [
         Quantity(section, "duration of the first blend", "s", 0.272, instants[1] - instants[0]),
         Quantity(section, "duration of the line between", "s", None, instants[2] - instants[1]),
@@ -129,39 +136,38 @@ def _simulation(cell: BlendCell, sampled: Run) -> list[Quantity]:
     for k, (first, last) in enumerate(((1, 2), (3, 4)), start=1):
         within = (sampled.s > ends[first]) & (sampled.s < ends[last])
         error = MM * differenced_error(sampled.mapped, sampled.s)[within[1:]]
-        values.append(
-            Quantity(section, f"line-speed error in blend {k}, the paper's mapping", "mm/s", -0.4,
-                     float(error[np.abs(error).argmax()]), 2, "of differenced points: a quarter of it is chord against arc")
-        )  # fmt: skip
+        worst, note = float(error[np.abs(error).argmax()]), "from point to point; a quarter of it is chord against arc"
+        values.append(Quantity(section, f"speed error in blend {k}, the paper's way", "mm/s", -0.4, worst, 2, note))
     return values
 
 
 def differenced_error(points: Array, s: Array) -> Array:
     """(T-1,) what the speed from point to point differs from that along the path [m/s]."""
-    return (np.linalg.norm(np.diff(points, axis=0), axis=1) - np.diff(s)) / TICK
+    return np.asarray((np.linalg.norm(np.diff(points, axis=0), axis=1) - np.diff(s)) / TICK)
 
 
 def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
     section = "Not printed"
     path, limits = cell.blended, cell.limits
-    aware = cell.limit_aware
+    quintic = cell.variant(curve="quintic")
     exact = MM * differenced_error(sampled.p, sampled.s)
-    normal = np.linalg.norm(sampled.acceleration - sampled.velocity * (sampled.a / np.maximum(sampled.v, 1e-12))[:, None], axis=1)
-    return [
-        Quantity(section, "largest error of differenced points, exact mapping", "mm/s", None,
-                 float(exact[np.abs(exact).argmax()]), 3, "all of it chord against arc"),
-        Quantity(section, "largest normal acceleration", "mm/s²", None, MM * float(normal.max()), 0,
-                 "five times the limit along the path: constant speed has its price"),
-        Quantity(section, "largest joint speed", "rad/s", None, float(np.abs(sampled.qd[:, :2]).max()), 2),
-        Quantity(section, "largest joint acceleration", "rad/s²", None, float(np.abs(sampled.qdd[:, :2]).max()), 1),
-        Quantity(section, "duration with all limits kept (limit-aware)", "s", None, aware.duration, 4,
-                 f"normal acceleration {limits.normal_acceleration:g} m/s², vector jerk {limits.jerk:g} m/s³"),
-        Quantity(section, "curvature jump at the arc, cubic", "1/m", None, _jump(path, 4), 6, "2 / (3 R): a quintic has none"),
-    ]  # fmt: skip
+    normal = np.linalg.norm(
+        sampled.acceleration - sampled.velocity * (sampled.a / np.maximum(sampled.v, 1e-12))[:, None], axis=1
+    )
+    kept = f"normal acceleration {limits.normal:g} m/s², vector jerk {limits.jerk:g} m/s³"
+    rows: tuple[tuple[str, str, float, int, str], ...] = (
+        ("speed error, exact mapping", "mm/s", float(exact[np.abs(exact).argmax()]), 3, "all of it chord against arc"),
+        ("largest normal acceleration", "mm/s²", MM * float(normal.max()), 0, "five times the limit along the path"),
+        ("largest joint speed", "rad/s", float(np.abs(sampled.qd[:, :2]).max()), 2, ""),
+        ("largest joint acceleration", "rad/s²", float(np.abs(sampled.qdd[:, :2]).max()), 1, ""),
+        ("curvature jump at the arc, cubic", "1/m", _jump(path, 4), 6, "2 / (3 R); a quintic has none"),
+        ("duration, limit-aware", "s", cell.limit_aware.duration, 4, f"{kept}; stops where cubic and arc meet"),
+        ("duration, limit-aware, quintic blends", "s", quintic.limit_aware.duration, 4, kept),
+    )
+    return [Quantity(section, what, unit, None, ours, digits, note) for what, unit, ours, digits, note in rows]
 
 
-def _jump(path: object, joint: int) -> float:
-    s = path.breakpoints[joint]  # type: ignore[attr-defined]
-    _, _, before = path.evaluate(s, before=True)  # type: ignore[attr-defined]
-    _, _, after = path.evaluate(s)  # type: ignore[attr-defined]
+def _jump(path: BlendedPath, joint: int) -> float:
+    s = path.breakpoints[joint]
+    before, after = path.evaluate(s, before=True)[2], path.evaluate(s)[2]
     return float(np.linalg.norm(after - before))

@@ -23,7 +23,9 @@ BLENDED = "#F3E3D3"  # while the arm is in a blend
 def lee2006_figures(cell: BlendCell, run: Run) -> dict[str, Figure]:
     """All figures by file name."""
     return {
-        "fig3_constant_alpha": _family(90.0, lambda remaining: 30.0 / remaining, "Fig. 3  α = 30: the shape depends on L_r"),
+        "fig3_constant_alpha": _family(
+            90.0, lambda remaining: 30.0 / remaining, "Fig. 3  α = 30: the shape depends on L_r"
+        ),
         "fig5_similar_90deg": _family(90.0, lambda _: 1.0, "Fig. 5  α = λ L_r, λ = 1: similar curves, 90°"),
         "fig6_similar_45deg": _family(45.0, lambda _: 1.0, "Fig. 6  α = λ L_r, λ = 1: similar curves, 45°"),
         "fig7_shape_factor": _shape_factors(),
@@ -41,7 +43,10 @@ def lee2006_figures(cell: BlendCell, run: Run) -> dict[str, Figure]:
             cell,
             run,
             "Fig. 16  Joint positions",
-            [("angle [deg]", np.rad2deg(run.q[:, [0, 1, 3]]), ("θ₁", "θ₂", "θ₄")), ("d₃ [mm]", MM * run.q[:, 2:3], ("d₃",))],
+            [
+                ("angle [deg]", np.rad2deg(run.q[:, [0, 1, 3]]), ("θ₁", "θ₂", "θ₄")),
+                ("d₃ [mm]", MM * run.q[:, 2:3], ("d₃",)),
+            ],
         ),
         "fig17_joint_speeds": _over_time(
             cell,
@@ -76,7 +81,7 @@ def _family(angle_deg: float, factor: Callable[[float], float], title: str) -> F
     for remaining, color in zip(REMAINING_MM, SHADES, strict=True):
         curve = corner(angle_deg, remaining, factor(remaining))
         _draw_blend(axes, curve, color, f"L_r = {remaining:g} mm, γ = {curve.deviation / remaining:.3f}")
-    axes.legend(loc="upper right")
+    axes.legend(loc="upper right" if angle_deg > 60.0 else "upper left")
     axes.set_title(title)
     return figure
 
@@ -91,7 +96,7 @@ def _shape_factors() -> Figure:
         curve = corner(90.0, remaining, factor)
         _draw_blend(axes, curve, color, f"λ = {factor:g}, γ = {curve.deviation / remaining:.3f}")
     axes.legend(loc="upper right")
-    axes.set_title("Fig. 7  A larger shape factor keeps closer to the corner")
+    axes.set_title("Fig. 7  A larger λ keeps closer to the corner")
     return figure
 
 
@@ -117,7 +122,7 @@ def _variations(factor: float, title: str) -> Figure:
         for end in path.breakpoints[1:-1]:
             axes.axvline(MM * end, color=MUTED, linewidth=0.8, linestyle=":")
         axes.set_ylabel(f"{name}ₙ [mm]")
-    above.legend(loc="center right", ncols=3)
+    above.legend(loc="center left", bbox_to_anchor=(0.02, 0.7), ncols=3)
     below.set_xlabel("travelled length [mm]")
     above.set_title(title)
     jump = float(np.linalg.norm(second, axis=1)[:-1][np.abs(MM * s[2:-1] - MM * path.breakpoints[1]) < 2.0].max())
@@ -164,7 +169,7 @@ def _over_time(cell: BlendCell, run: Run, title: str, rows: Sequence[tuple[str, 
         for k, name in enumerate(names):
             axes.plot(run.time, values[:, k], color=ARM_COLORS[k], label=name)
         axes.set_ylabel(label)
-        axes.legend(loc="upper right", ncols=len(names))
+        axes.legend(loc="best", ncols=len(names))
     every[0].set_title(title)
     every[-1].set_xlabel("time [s]   (shaded: in a blend)")
     return figure
@@ -182,10 +187,22 @@ def _line_speed(cell: BlendCell, run: Run) -> Figure:
     speed.set_title("Fig. 18  Line speed and line acceleration")
     acceleration.plot(run.time, MM * run.a, color=ARM_COLORS[0])
     acceleration.set_ylabel("line accel. [mm/s²]")
-    for points, name, color in ((run.mapped, "the paper's mapping", ARM_COLORS[1]), (run.p, "exact mapping", ARM_COLORS[0])):
+    for points, name, color in (
+        (run.mapped, "the paper's mapping", ARM_COLORS[1]),
+        (run.p, "exact mapping", ARM_COLORS[0]),
+    ):
         error.plot(run.time[1:], MM * differenced_error(points, run.s), color=color, label=name)
     error.set_ylabel("speed error [mm/s]")
     error.set_xlabel("time [s]   (shaded: in a blend)")
-    error.legend(loc="lower right")
-    note(error, 0.01, 0.08, f"points {1e3 * TICK:g} ms apart; what is left of the exact one is chord against arc")
+    error.set_ylim(-0.55, 0.35)  # the two ticks in which the paper's scheme takes its drift back would hide the rest
+    error.legend(loc="upper left", bbox_to_anchor=(0.0, 0.98))
+    for k in (2, 4):
+        note(
+            error,
+            float(cell.line_speed.time_at(cell.blended.breakpoints[k])),
+            0.22,
+            " its drift\n taken back",
+            data=True,
+        )
+    note(error, 0.01, 0.06, f"points {1e3 * TICK:g} ms apart; what is left of the exact one is chord against arc")
     return figure
