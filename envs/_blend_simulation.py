@@ -114,12 +114,14 @@ class BlendSimulation:
         self.physics, self.record = physics, record
         n = cell.arm.dof
         self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
-        self._measured, self._reference = np.zeros((2, 1, n)), np.zeros((3, n))
-        self._q, self._qd = self._measured
-        self._torque, self._demand = np.zeros((1, n)), np.zeros((1, n))
+        self._q: Array = np.zeros((1, n))
+        self._qd: Array = np.zeros((1, n))
+        self._reference = np.zeros((3, n))
+        self._torque: Array = np.zeros((1, n))
+        self._demand: Array = np.zeros((1, n))
         self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
         self._model = cell.arm.model
-        self.tip = np.zeros(3)
+        self.tip: Array = np.zeros(3)
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
