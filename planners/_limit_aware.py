@@ -15,7 +15,7 @@ time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dens
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +30,7 @@ SETTLED = 5e-4  # a round that gains less, as a share of the time, is the last
 POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
 CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
 PER_BLEND, PER_RAMP = 12, 10  # intervals
+TRIMS = 1
 PARTS = 3  # quintics per interval
 SAMPLES = 12  # per quintic, both ends included
 MARGIN = 1e-7  # of the final slowing, for what lies between the samples
@@ -76,11 +77,27 @@ def _stops(path: Any) -> Array:
 def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float) -> tuple[Array, Array]:
     """Times from 0 and quintics of the motion between two rests."""
     program = _Program.build(path, limits, _stations(path, limits, start, end))
-    s, v, a, steps = program.rows(program.solve())
+    unknowns = program.solve()
+    times, coefficients, over = _motion(path, program, unknowns)
+    for _ in range(TRIMS):  # ask for a little less where the limits are exceeded between the points
+        if (over < 1.0 + 1e-3).all():
+            break
+        program = program.tightened(over)
+        unknowns = program.round(program.values(unknowns)[0])
+        trimmed = _motion(path, program, unknowns)
+        if trimmed[0][-1] < times[-1]:
+            times, coefficients, over = trimmed
+    return times, coefficients
+
+
+def _motion(path: Any, program: _Program, unknowns: Array) -> tuple[Array, Array, Array]:
+    """The motion as quintics in time, slowed until it keeps the limits; what it asked before, (2, K) by interval."""
+    s, v, a, steps = program.rows(unknowns)
     coefficients = _quintics(s, v, a, steps)
     times = np.concatenate([[0.0], np.cumsum(steps)])
-    slower = _slowing(path, limits, times, coefficients)
-    return times * slower, coefficients / slower ** np.arange(6)
+    slower, worst = _slowing(path, program.limits, times, coefficients)
+    first = np.concatenate([[0], np.arange(1, len(steps) - 1, PARTS), [len(steps) - 1]])
+    return times * slower, coefficients / slower ** np.arange(6), np.maximum.reduceat(worst, first, axis=1)
 
 
 def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> Array:
@@ -128,6 +145,7 @@ class _Program:
         weights: (K, P) quadrature weights of ``ds / sqrt(x)`` [m].
         guess: (K, P) a first x to take tangents at [m^2/s^2].
         cap: (K, P) largest x by speed and normal acceleration [m^2/s^2].
+        jerk: (K,) limit of the jerk [m/s^3].
         bend: (K, P, 3, 3) third, 3/2 second, 1/2 first derivative of p: L[x] by x and its derivatives.
     """
 
@@ -139,6 +157,7 @@ class _Program:
     weights: Array
     guess: Array
     cap: Array
+    jerk: Array
     bend: Array
 
     @classmethod
@@ -169,8 +188,14 @@ class _Program:
             weights=weights,
             guess=guess,
             cap=cap,
+            jerk=np.full(len(steps), limits.jerk),
             bend=np.stack([d3, 1.5 * d2, 0.5 * d1], axis=-2),
         )
+
+    def tightened(self, over: Array) -> _Program:
+        """The same with lower limits of normal acceleration and jerk where time would have to stretch (2, K)."""
+        normal, jerk = np.maximum(over, 1.0)
+        return replace(self, cap=self.cap / normal[:, None] ** 2, jerk=self.jerk / jerk**3)
 
     @cached_property
     def hulls(self) -> tuple[Array, Array]:
@@ -200,13 +225,13 @@ class _Program:
 
     def solve(self) -> Array:
         """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best."""
-        unknowns = self._round(self.guess)
+        unknowns = self.round(self.guess)
         best = self.time(unknowns)
         for _ in range(ROUNDS):
             reference = self.values(unknowns)[0]
             if not (reference > 0.0).all():
                 raise InfeasibleError("no motion within the limits was found", remedy="bring limits closer together")
-            candidate = self._round(reference)
+            candidate = self.round(reference)
             time = self.time(candidate)
             while time > best * (1.0 + 1e-6):  # any mean of two feasible motions is one
                 candidate = 0.5 * (candidate + unknowns)
@@ -216,7 +241,7 @@ class _Program:
                 break
         return unknowns
 
-    def _round(self, reference: Array) -> Array:
+    def round(self, reference: Array) -> Array:
         """The best x whose jerk keeps the tangents at ``reference`` (K, P)."""
         import clarabel
         from scipy import sparse
@@ -233,7 +258,7 @@ class _Program:
         interval = np.broadcast_to(np.arange(intervals)[:, None], reference.shape)
         x = basis[0, :, :2]
         speed, slope = self.hulls
-        size = (np.sqrt(reference) / limits.jerk)[..., None]
+        size = (np.sqrt(reference) / self.jerk[:, None])[..., None]
         tangent = basis[0] / (2.0 * reference[..., None])  # sqrt(reference) / jerk |L[x]| <= 3/2 - tangent
         curved = np.abs(self.bend[:, :, :2]).max(axis=(2, 3)) > 0.0
         along = (basis[2] * (0.5 * size))[~curved]
@@ -351,23 +376,25 @@ def _quintics(s: Array, v: Array, a: Array, steps: Array) -> Array:
     )
 
 
-def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Array) -> float:
-    """By how much time must stretch for the true limits to hold (less than 1: may shrink)."""
+def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Array) -> tuple[float, Array]:
+    """By how much time must stretch for the true limits to hold; by normal acceleration and jerk for each piece."""
 
-    def stretch(t: Array) -> Array:
+    def stretches(t: Array) -> tuple[Array, Array, Array]:
         out = np.empty((4, t.size))
         profile_states(knots, coefficients, t.ravel(), out)
         s, v, a, j = out.reshape(4, *t.shape)
         tangential, normal, jerk = path_quantities(path, s, v, a, j)
-        pull = np.maximum(tangential / limits.acceleration, normal / limits.normal)
-        return np.asarray(np.maximum(np.maximum(v / limits.speed, np.sqrt(pull)), np.cbrt(jerk / limits.jerk)))
+        plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
+        return plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)
 
     steps = np.diff(knots)[:, None]
     share = np.linspace(0.0, 1.0, SAMPLES)
     share[0], share[-1] = 1e-9, 1.0 - 1e-9
-    coarse = stretch(knots[:-1, None] + share * steps)
-    near = np.flatnonzero(coarse.max(axis=1) > coarse.max() - 0.01)
+    kinds = np.stack(stretches(knots[:-1, None] + share * steps))
+    coarse = kinds.max(axis=0)
+    near = np.flatnonzero(coarse.max(axis=1) > coarse.max() * (1.0 - 2e-3))
     top = coarse[near].argmax(axis=1)
     low, high = share[np.maximum(top - 1, 0)], share[np.minimum(top + 1, SAMPLES - 1)]
-    fine = low[:, None] + np.linspace(0.0, 1.0, 65) * (high - low)[:, None]
-    return float(max(coarse.max(), stretch(knots[near][:, None] + fine * steps[near]).max())) * (1.0 + MARGIN)
+    fine = low[:, None] + np.linspace(0.0, 1.0, 33) * (high - low)[:, None]
+    worst = max(coarse.max(), np.max(stretches(knots[near][:, None] + fine * steps[near])))
+    return float(worst) * (1.0 + MARGIN), kinds[1:].max(axis=2)
