@@ -26,14 +26,14 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, path_quantities, profile_states
 
 ROUNDS = 12
-SETTLED = 5e-4  # a round that gains less, as a share of the time, is the last
+SETTLED = 1e-3  # a round that gains less, as a share of the time, is the last
 POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
 CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
-PER_BLEND, PER_RAMP = 12, 10  # intervals
+PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
 TRIMS = 1
-PARTS = 3  # quintics per interval
+PARTS = 2  # quintics per interval
 SAMPLES = 12  # per quintic, both ends included
-MARGIN = 1e-7  # of the final slowing, for what lies between the samples
+MARGIN = 1e-6  # of the final slowing, for what lies between the samples
 GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
 
@@ -108,24 +108,24 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
     swing = min(acceleration / jerk, math.sqrt(speed / jerk))  # [s] of a jerk
     ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
     first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
+    marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
+    s = marks[:-1, None] + np.diff(marks)[:, None] * np.linspace(1e-6, 1.0 - 1e-6, 201)  # (pieces, samples)
+    bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
+    cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
+    change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
     stations = [np.array([start, start + first])]
-    for low, high in zip(marks, marks[1:], strict=False):
+    for k, (low, high) in enumerate(zip(marks, marks[1:], strict=False)):
         length = high - low
-        low, high = max(low, start + first), min(high, end - first)
-        if high <= low:
-            continue
-        s = np.linspace(low, high, 200)
-        bend = np.linalg.norm(path.derivatives(0.5 * (s[1:] + s[:-1]))[2], axis=-1)
-        if bend.max() * length < CURVED:
-            from_end = np.minimum(s - low, high - s)
+        if bend[k].max() * length < CURVED:
+            from_end = np.minimum(s[k] - low, high - s[k])
             spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
         else:
-            share = 0.5 / length + 0.5 * np.interp(s, 0.5 * (s[1:] + s[:-1]), bend) / (bend.mean() * length)
-            spacing = 1.0 / (PER_BLEND * share)
-        spacing = np.minimum(spacing, 0.35 * np.minimum(s - start, end - s) + 0.5 * first)
-        count = np.concatenate([[0.0], np.cumsum(0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1]) * np.diff(s))])
-        intervals = max(math.ceil(count[-1]), 1)
-        inside = np.interp(np.linspace(0.0, count[-1], intervals + 1)[1:], count, s)
+            spacing = 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean())
+        spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
+        spacing = np.minimum(spacing, 0.35 * np.minimum(s[k] - start, end - s[k]))
+        density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
+        count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
+        inside = np.interp(np.linspace(0.0, count[-1], math.ceil(count[-1]) + 1)[1:], count, s[k])
         inside[-1] = high
         stations.append(inside)
     stations.append(np.array([end]))
@@ -224,21 +224,27 @@ class _Program:
         return float((self.weights / np.sqrt(x)).sum()) if (x > 0.0).all() else math.inf
 
     def solve(self) -> Array:
-        """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best."""
-        unknowns = self.round(self.guess)
-        best = self.time(unknowns)
+        """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best.
+
+        Raises:
+            InfeasibleError: A program that cannot be solved.
+        """
+        unknowns, best, reference = np.zeros(self.free.shape[1]), math.inf, self.guess
         for _ in range(ROUNDS):
-            reference = self.values(unknowns)[0]
-            if not (reference > 0.0).all():
-                raise InfeasibleError("no motion within the limits was found", remedy="bring limits closer together")
             candidate = self.round(reference)
             time = self.time(candidate)
-            while time > best * (1.0 + 1e-6):  # any mean of two feasible motions is one
+            while best < time * (1.0 - 1e-6):  # any mean of two feasible motions is one
                 candidate = 0.5 * (candidate + unknowns)
                 time = self.time(candidate)
-            gain, unknowns, best = best - time, candidate, time
-            if gain < SETTLED * best:
-                break
+            if time < math.inf:
+                settled = best - time < SETTLED * best < math.inf
+                unknowns, best = candidate, time
+                if settled:
+                    break
+            # tangents may be taken anywhere above zero
+            reference = np.maximum(self.values(candidate)[0], 0.02 * reference)
+        if best == math.inf:
+            raise InfeasibleError("no motion within the limits was found", remedy="bring the limits closer together")
         return unknowns
 
     def round(self, reference: Array) -> Array:
@@ -267,7 +273,8 @@ class _Program:
         linear = [
             ((x / self.cap[:, :2, None]).reshape(-1, 4), at, 1.0),
             (-(basis[0, :, 0] / self.guess[:, :1])[1:], np.arange(1, intervals), 0.0),
-            (speed.reshape(-1, 4), np.repeat(np.arange(intervals), 2), 1.0),
+            (speed.reshape(-1, 4), at, 1.0),
+            ((-speed * (self.limits.speed**2 / self.guess[:, :1, None])).reshape(-1, 4), at, 0.0),
             (slope.reshape(-1, 4), at, 1.0),
             (-slope.reshape(-1, 4), at, 1.0),
             (tangent[~curved] + along, plain, 1.5),
