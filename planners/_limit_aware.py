@@ -4,9 +4,9 @@ With ``x(s) = v^2`` the tangential acceleration is ``x'/2``, the normal one ``ka
 
     sqrt(x) L[x],    L[x] = p' x''/2 + 3/2 p'' x' + p''' x,
 
-so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right side is convex: the tangent at any ``x_k > 0``
-lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with the tangents
-taken at the solution before (the convex-concave procedure); every iterate is feasible and the time only falls.
+so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right side is convex: the tangent at any
+``x_k > 0`` lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with
+the tangents taken at the solution before (the convex-concave procedure); all are feasible, and the time only falls.
 
 ``x`` is a C1 cubic between knots, and ``x ~ s^(4/3)`` (constant jerk) next to a rest. The result becomes quintics in
 time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dense sampling of the true limits asks.
@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
     """
     stops = _stops(path)
     knots, rows, now = [np.zeros(1)], [], 0.0
-    for start, end in zip(stops, stops[1:], strict=False):
+    for start, end in pairwise(stops):
         times, coefficients = _between_stops(path, limits, float(start), float(end))
         knots.append(now + times[1:])
         rows.append(coefficients)
@@ -114,7 +115,7 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
     cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
     change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
     stations = [np.array([start, start + first])]
-    for k, (low, high) in enumerate(zip(marks, marks[1:], strict=False)):
+    for k, (low, high) in enumerate(pairwise(marks)):
         length = high - low
         if bend[k].max() * length < CURVED:
             from_end = np.minimum(s[k] - low, high - s[k])
@@ -252,7 +253,7 @@ class _Program:
         import clarabel
         from scipy import sparse
 
-        limits, basis = self.limits, self.basis
+        basis = self.basis
         intervals = len(basis[0])
         columns = 2 * np.arange(intervals)[:, None] + np.arange(4)
 
