@@ -184,7 +184,7 @@ def plan_corners(
             shares, degree = curve_shares(curve, shape_factor, count)
         reach = np.zeros(count)
         kernels.corner_distances(kind, shape, lengths, shares, degree, miss, smooth, reach)
-        if not np.isfinite(reach).all():
+        if not (reach <= 1e10 * miss).all():
             raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
         remaining = np.minimum(reach[:, None], most)
     elif curve == LEAST_TIME:

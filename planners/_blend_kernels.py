@@ -268,8 +268,8 @@ def _point(packed: PackedPath, s: float, before: bool, out: Array) -> None:
     k = find_piece(packed.breakpoints, s, before)
     x = min(max(s, packed.breakpoints[0]), packed.breakpoints[k + 1]) - packed.breakpoints[k]
     kind = packed.kind[k]
-    if kind > ARC:
-        x = curve_parameter(packed, k, x)
+    if kind > ARC:  # at its end exactly u = 1, whatever the rounding of lengths far down the path
+        x = 1.0 if s >= packed.breakpoints[k + 1] else curve_parameter(packed, k, x)
     piece_point(kind, packed.shape[k], x, out)
 
 
