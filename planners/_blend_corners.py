@@ -194,6 +194,7 @@ def plan_corners(
         straight = smooth & (np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0) * lengths.min() <= 1e-9)
         remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
     _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
+    remaining[(remaining <= 0.0).any(axis=1)] = 0.0
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
     return Corners(remaining, shares, degree, coefficients, deviation, turn)

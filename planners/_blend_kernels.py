@@ -155,6 +155,14 @@ def piece_point(kind: int, shape: Array, x: float, out: Array) -> None:
 
 
 @njit
+def _weighted(weights: Array, row: int, speeds: Array) -> float:
+    total = 0.0
+    for g in range(16):
+        total += weights[row, g] * speeds[g]
+    return total
+
+
+@njit
 def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, most: float) -> float:
     """Fit u(s) on the panel [u, u + h] into ``inverse`` (14,).
 
@@ -163,12 +171,12 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
     speeds = np.empty(16)
     for g in range(16):
         speeds[g] = curve_speed(shape, degree, u + h * GAUSS_U[g])
-    size = h * np.dot(PAIR_WEIGHTS[NODES - 1], speeds)
+    size = h * _weighted(PAIR_WEIGHTS, NODES - 1, speeds)
     scale = 2.0 * h / size
     t, c = np.empty(NODES), np.empty(NODES)
     for k in range(NODES):
         j = PAIR_ORDER[k]
-        t[k] = 1.0 if j == NODES - 1 else scale * np.dot(PAIR_WEIGHTS[j], speeds) - 1.0
+        t[k] = 1.0 if j == NODES - 1 else scale * _weighted(PAIR_WEIGHTS, j, speeds) - 1.0
         c[k] = PAIR_U[j]
     for k in range(1, NODES):  # Newton's divided differences
         for j in range(NODES - 1, k - 1, -1):
@@ -180,7 +188,7 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
         inverse[0] = c[k] - t[k] * inverse[0]
     worst = 0.0
     for j in range(CHECK_U.shape[0]):
-        at = scale * np.dot(CHECK_WEIGHTS[j], speeds) - 1.0
+        at = scale * _weighted(CHECK_WEIGHTS, j, speeds) - 1.0
         value = 0.0
         for k in range(NODES - 1, -1, -1):
             value = value * at + inverse[k]
