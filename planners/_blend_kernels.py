@@ -402,17 +402,22 @@ def remaining_for(
 ) -> float:
     """The remaining distance, the same at both ends, at which a blend passes the vertex at ``tolerance`` [m].
 
-    Blends of two lines are similar: closed form. With an arc: regula falsi (Illinois) on [0, most]; more than ``most``
-    is returned where that is not enough.
+    Blends of two lines are similar: closed form. With an arc: the smallest by stepping out, then regula falsi
+    (Illinois); more than ``most`` is returned where that is not enough.
     """
     points, shape = np.empty((8, 3)), np.empty((8, 3))
-    high = most
-    at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
     if kind[0] == LINE and kind[1] == LINE:
-        return high * tolerance / (at_high + tolerance)
-    if at_high < 0.0:
-        return 2.0 * most
+        unit = corner_blend(kind, segment, length, np.array([most, most]), shares, degree, points, shape) / most
+        return tolerance / unit
     low, at_low = 0.0, -tolerance
+    high = min(tolerance, most)  # the curve is nowhere farther from the vertex than its ends
+    at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
+    while at_high < 0.0:
+        if high >= most:
+            return 2.0 * most
+        low, at_low = high, at_high
+        high = min(1.5 * high, most)
+        at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
     x, side = high, 0
     for _ in range(200):
         x = (low * at_high - high * at_low) / (at_high - at_low)
