@@ -9,21 +9,57 @@ from armtempo.agents._baselines import (
     RandomPolicy,
     make_policy,
 )
+from armtempo.agents._blend_baselines import (
+    BLEND_POLICIES,
+    BlendBaseline,
+    BlendPolicy,
+    ConstantRate,
+    MotionDemand,
+    RandomRate,
+    blend_baseline,
+    highest_rate,
+    motion_demand,
+)
 from armtempo.agents._evaluate import Evaluation, PolicyResult, evaluate, run_episode
+from armtempo.agents._evaluate_blend import (
+    BlendEvaluation,
+    BlendPolicyResult,
+    evaluate_blend,
+    in_blends,
+    reference_demand,
+    run_blend_episode,
+    speed_errors,
+)
 from armtempo.agents._policy import Actions, Observations, Policy, to_action
 
 __all__ = [
+    "BLEND_POLICIES",
     "POLICIES",
     "Actions",
+    "BlendBaseline",
+    "BlendEvaluation",
+    "BlendPolicy",
+    "BlendPolicyResult",
+    "ConstantRate",
     "Evaluation",
-    "Observations",
     "ExecutionPolicy",
+    "MotionDemand",
+    "Observations",
     "PhasePlanePolicy",
     "Policy",
     "PolicyResult",
     "RandomPolicy",
+    "RandomRate",
+    "blend_baseline",
     "evaluate",
+    "evaluate_blend",
+    "highest_rate",
+    "in_blends",
     "make_policy",
+    "motion_demand",
+    "reference_demand",
+    "run_blend_episode",
     "run_episode",
+    "speed_errors",
     "to_action",
 ]

@@ -6,15 +6,16 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from armtempo.agents._baselines import POLICIES, make_policy
+from armtempo.agents._evaluate_blend import BlendEvaluation, evaluate_blend
 from armtempo.agents._policy import Policy
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, Mode, Schedule, schedule
+from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, Mode, Schedule, schedule
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,6 +114,7 @@ def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -
     return env.trace, total
 
 
+@overload
 def evaluate(
     cell: Cell,
     policies: Sequence[str] | None = None,
@@ -123,23 +125,55 @@ def evaluate(
     mode: Mode = "speed",
     master_late_s: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
-) -> Evaluation:
+) -> Evaluation: ...
+@overload
+def evaluate(
+    cell: BlendCell,
+    policies: Sequence[str] | None = None,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    physics: Physics = "bullet",
+    family: FamilyName = "given",
+    on_episode: Callable[[str, int], None] | None = None,
+) -> BlendEvaluation: ...
+def evaluate(
+    cell: Cell | BlendCell,
+    policies: Sequence[str] | None = None,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    physics: Physics = "bullet",
+    mode: Mode = "speed",
+    master_late_s: float = 0.0,
+    family: FamilyName = "given",
+    on_episode: Callable[[str, int], None] | None = None,
+) -> Evaluation | BlendEvaluation:
     """Run every policy for some episodes.
 
     Args:
-        cell: Where.
-        policies: Names out of ``POLICIES``; None: all of them that have a plan here.
+        cell: Where; of a blend cell ``evaluate_blend`` tells more.
+        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``); None: all of them that have a plan here.
         episodes: Episodes per policy; baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up.
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         master_late_s: How long the first arm stands at its start [s].
+        family: Of the paths of a blend cell.
         on_episode: Called with policy and episode number after each, for progress bars.
 
     Raises:
         UnknownNameError: A policy that does not exist; the message lists those that do.
         InfeasibleError: A named policy has no schedule in this cell.
     """
+    if isinstance(cell, BlendCell):
+        if mode != "speed" or master_late_s:
+            raise InputError("mode and master_late_s are for cells of several arms", remedy="leave them out")
+        return evaluate_blend(
+            cell, policies, episodes=episodes, seed=seed, physics=physics, family=family, on_episode=on_episode
+        )
+    if family != "given":
+        raise InputError("family is for blend cells", remedy="leave it out")
     chosen = POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
     for name in chosen:
         if name not in POLICIES:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from itertools import combinations
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import tyro
 
-from armtempo.commands._output import JsonFile, Output, new_table, number, open_cell, shown
+from armtempo.commands._output import JsonFile, Output, new_table, number, open_any_cell, shown
 
 if TYPE_CHECKING:
-    from armtempo.planners import Cell
+    from armtempo.planners import BlendCell, Cell
 
 
 def cells(
@@ -31,27 +32,34 @@ def cells(
     if cell is None:
         _list(output)
     else:
-        _show(open_cell(cell, output), output)
+        from armtempo.planners import BlendCell
+
+        opened = open_any_cell(cell, output)
+        _show_blend(opened, output) if isinstance(opened, BlendCell) else _show(opened, output)
 
 
 def _list(output: Output) -> None:
-    from armtempo.configs import bundled_cells, load_cell_config
+    from armtempo.configs import AnyCellConfig, BlendCellConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")
     table.add_column("cell", style="bold", no_wrap=True)
+    table.add_column("kind", no_wrap=True)
     table.add_column("arms", justify="right")
     table.add_column("d_min\n\\[mm]", justify="right")
     table.add_column("what it shows")
     entries = []
     for name in bundled_cells():
-        config = load_cell_config(name)
-        table.add_row(name, str(len(config.arms)), f"{1e3 * config.d_min_m:g}", shown(config.description))
+        config: AnyCellConfig = load_cell_config(name)
+        d_min = None if isinstance(config, BlendCellConfig) else config.d_min_m
+        distance = "–" if d_min is None else f"{1e3 * d_min:g}"
+        table.add_row(name, config.kind, str(len(config.arms)), distance, shown(config.description))
         entries.append(
             {
                 "cell": name,
+                "kind": config.kind,
                 "description": config.description,
                 "arms": [arm.name for arm in config.arms],
-                "d_min_m": config.d_min_m,
+                "d_min_m": d_min,
                 "file": str(config.source),
             }
         )
@@ -157,4 +165,72 @@ def _show(cell: Cell, output: Output) -> None:
         output.say(f"Cannot hold still everywhere on the path: {', '.join(still)}.")
     bodies = "obstacles and of the arms' own links" if cell.obstacles else "the arms' own links"
     output.say(f"Certified: the paths keep clear of {bodies}. File: {shown(cell.config.source)}")
+    output.json(facts)
+
+
+def describe_blend(cell: BlendCell) -> dict[str, Any]:
+    """A blend cell in numbers, units in the keys."""
+    blended, limits, blend = cell.blended, cell.limits, cell.config.blend
+    pieces = []
+    for k, piece in enumerate(blended.pieces):
+        low, high = blended.breakpoints[k : k + 2]
+        entry: dict[str, Any] = {"kind": type(piece).__name__.lower(), "length_m": high - low}
+        entry["start_s"], entry["end_s"] = (float(t) for t in cell.line_speed.time_at([low, high]))
+        entry["curvature_max_1_m"] = float(blended.curvature(np.linspace(low, high, 401)[1:-1]).max())
+        pieces.append(entry)
+    return {
+        "cell": cell.name,
+        "kind": "blend",
+        "description": cell.config.description,
+        "file": str(cell.config.source),
+        "physics_tick_s": cell.physics_tick,
+        "control_period_s": cell.control_period,
+        "robot": str(cell.arm.urdf),
+        "elbow": cell.elbow,
+        "torque_limit_nm": cell.arm.torque_max,
+        "speed_limit_rad_s": cell.arm.speed_max,
+        "curve": blend.curve,
+        "length_m": blended.length,
+        "pieces": pieces,
+        "corner_distance_m": blended.deviation,
+        "continuity": blended.continuity,
+        "line_speed_m_s": limits.speed,
+        "acceleration_limit_m_s2": limits.acceleration,
+        "normal_acceleration_limit_m_s2": limits.normal,
+        "jerk_limit_m_s3": limits.jerk,
+        "line_speed_duration_s": cell.line_speed.duration,
+        "limit_aware_duration_s": cell.limit_aware.duration,
+    }
+
+
+def _show_blend(cell: BlendCell, output: Output) -> None:
+    with output.progress(f"Measuring {cell.name}"):
+        facts = describe_blend(cell)
+    normal = facts["normal_acceleration_limit_m_s2"]
+    table = new_table(
+        shown(f"{cell.name}: {cell.config.description}"),
+        f"arm {shown(cell.arm.urdf.stem)}, elbow {cell.elbow}; times at line speed {cell.limits.speed:g} m/s",
+    )
+    table.add_column("piece", style="bold", no_wrap=True)
+    for head in ("length\n\\[mm]", "from\n\\[s]", "to\n\\[s]", "curvature\n\\[1/m]", "normal acc.\n\\[x limit]"):
+        table.add_column(head, justify="right")
+    for piece in facts["pieces"]:
+        table.add_row(
+            piece["kind"],
+            number(piece["length_m"], 2, 1e3),
+            number(piece["start_s"], 4),
+            number(piece["end_s"], 4),
+            number(piece["curvature_max_1_m"], 2),
+            number(piece["curvature_max_1_m"] * cell.limits.speed**2 / normal, 2),
+        )
+    output.table(table)
+    output.say(
+        f"{number(facts['length_m'], 2, 1e3)} mm take {number(facts['line_speed_duration_s'], 4)} s at line speed, "
+        f"{number(facts['limit_aware_duration_s'], 4)} s within the limits across the path too."
+    )
+    jumps = [k + 1 for k, order in enumerate(facts["continuity"]) if order < 2]
+    if jumps:
+        where = ", ".join(f"{1e3 * cell.blended.breakpoints[k]:.1f}" for k in jumps)
+        output.say(f"The curvature jumps at {where} mm: what keeps the jerk has to stop there.")
+    output.say(f"Certified: the path keeps clear of the arm's own links. File: {shown(cell.config.source)}")
     output.json(facts)

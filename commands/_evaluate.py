@@ -15,7 +15,7 @@ from armtempo.commands._output import (
     default_folder,
     new_table,
     number,
-    open_cell,
+    open_any_cell,
 )
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def evaluate(
     physics: Literal["bullet", "ideal"] = "bullet",
     mode: Literal["speed", "acceleration"] = "speed",
     master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
+    family: Literal["given", "polyline", "zigzag", "line-arc"] = "given",
     json_file: JsonFile = None,
     out: OutFolder = None,
     figures: bool = True,
@@ -45,12 +46,14 @@ def evaluate(
     Args:
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
         policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
-            offset, interval, optimal, random.
+            offset, interval, optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth,
+            constant, random.
         episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.
         mode: What an action means: a share of the highest safe speed, or of the admissible accelerations.
         master_late: Seconds by which the first arm starts late, which the others do not know.
+        family: Paths of a blend cell: the given one, or as many random ones as there are episodes.
         json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
         figures: Draw pictures.
@@ -68,9 +71,20 @@ def evaluate(
         raise ArmtempoError(
             f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
         )
-    built = open_cell(cell, output)
+    built = open_any_cell(cell, output)
     from armtempo import agents
+    from armtempo.planners import BlendCell
 
+    if isinstance(built, BlendCell):
+        from armtempo.commands._evaluate_blend import evaluate_blend
+
+        evaluate_blend(
+            built, tuple(dict.fromkeys(policies)), output, family=family, out=out, figures=figures,
+            episodes=episodes, seed=seed, physics=physics, mode=mode, master_late_s=master_late,
+        )  # fmt: skip
+        return
+    if family != "given":
+        raise ArmtempoError("--family is for blend cells", remedy="leave it out")
     chosen = tuple(dict.fromkeys(policies)) or None
     with output.progress("Simulating", len(chosen or agents.POLICIES) * episodes) as (progress, task):
 

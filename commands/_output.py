@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-    from armtempo.planners import Cell, Schedule
+    from armtempo.planners import BlendCell, Cell, Schedule
 
+LOADING = "Loading {} (compiles once after installation, about a minute)"
 WIDTH = 118  # of tables that go to a file or a pipe
 
 CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
@@ -150,8 +151,20 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 
 def open_cell(name: str, output: Output) -> Cell:
-    """Load and certify a cell, with a spinner."""
-    with output.progress(f"Loading {name} (compiles once after installation, about a minute)"):
+    """Load and certify a cell of several arms, with a spinner.
+
+    Raises:
+        ConfigError: It is of another kind.
+    """
+    with output.progress(LOADING.format(name)):
+        from armtempo.planners import Cell, load_cell
+
+        return load_cell(name, Cell)
+
+
+def open_any_cell(name: str, output: Output) -> Cell | BlendCell:
+    """Load and certify a cell of any kind, with a spinner."""
+    with output.progress(LOADING.format(name)):
         from armtempo.planners import load_cell
 
         return load_cell(name)
@@ -192,6 +205,6 @@ def plan_all(
     return schedules, refusals, seconds
 
 
-def default_folder(cell: Cell, out: Path | None) -> Path:
+def default_folder(cell: Cell | BlendCell, out: Path | None) -> Path:
     """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
     return Path("results") / cell.name if out is None else out

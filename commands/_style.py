@@ -31,6 +31,10 @@ POLICY_COLORS = {
     "offset": "#8C6D31",
     "interval": "#7A4B9E",
     "random": "#3B3B3B",
+    "line-speed": "#0072B2",
+    "limit-aware": "#D55E00",
+    "limit-aware-smooth": "#009E73",
+    "constant": "#CC79A7",
 }
 ARM_COLORS = ("#24476B", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 HALO = (withStroke(linewidth=2.5, foreground="white"),)

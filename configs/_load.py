@@ -7,7 +7,7 @@ from collections.abc import Hashable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, get_args, overload
+from typing import Any, get_args, overload
 
 import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -19,7 +19,8 @@ from armtempo.errors import ConfigError, UnknownNameError
 _DATA = Path(__file__).parent
 _SUFFIXES = (".yaml", ".yml")
 _PYBULLET = "pybullet_data/"
-_KINDS: dict[str, type[CellConfig] | type[BlendCellConfig]] = {"coordination": CellConfig, "blend": BlendCellConfig}
+Kind = type[CellConfig] | type[BlendCellConfig]
+_KINDS: dict[str, Kind] = {"coordination": CellConfig, "blend": BlendCellConfig}
 _LATER_KINDS = ("ik",)
 # pydantic's words and ours, which are those of YAML
 _WORDING = (
@@ -30,7 +31,6 @@ _WORDING = (
     (r"Tuple should have (at \w+ \d+ items?) .*", r"must have \1"),
 )
 Key = tuple[int | str, ...]
-Kind = TypeVar("Kind", CellConfig, BlendCellConfig)
 
 
 def bundled_cells() -> tuple[str, ...]:
@@ -55,10 +55,10 @@ def data_path(name: str) -> Path:
 
 
 @overload
-def load_cell_config(name_or_path: str | Path) -> CellConfig: ...
+def load_cell_config(name_or_path: str | Path, kind: type[CellConfig] | None = None) -> CellConfig: ...
 @overload
-def load_cell_config(name_or_path: str | Path, kind: type[Kind]) -> Kind: ...
-def load_cell_config(name_or_path: str | Path, kind: type[AnyCellConfig] | None = None) -> AnyCellConfig:
+def load_cell_config(name_or_path: str | Path, kind: type[BlendCellConfig]) -> BlendCellConfig: ...
+def load_cell_config(name_or_path: str | Path, kind: Kind | None = None) -> AnyCellConfig:
     """Read a cell file.
 
     Args:
@@ -86,14 +86,14 @@ def load_cell_config(name_or_path: str | Path, kind: type[AnyCellConfig] | None 
             value=None,
         ) from error
     data, source = _parse_yaml(text, path), path.resolve()
-    return parse_cell_config(data, source) if kind is None else parse_cell_config(data, source, kind)
+    return parse_cell_config(data, source, kind)
 
 
 @overload
-def parse_cell_config(data: object, source: Path) -> CellConfig: ...
+def parse_cell_config(data: object, source: Path, kind: type[CellConfig] | None = None) -> CellConfig: ...
 @overload
-def parse_cell_config(data: object, source: Path, kind: type[Kind]) -> Kind: ...
-def parse_cell_config(data: object, source: Path, kind: type[AnyCellConfig] | None = None) -> AnyCellConfig:
+def parse_cell_config(data: object, source: Path, kind: type[BlendCellConfig]) -> BlendCellConfig: ...
+def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> AnyCellConfig:
     """Check the contents of a cell file.
 
     Args:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
+from armtempo.envs._blend_observation import BLEND_ENTRIES
+from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+from armtempo.envs._blend_tracking import BlendTrackingEnv
 from armtempo.envs._coordination import CoordinationEnv
 from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
@@ -10,15 +13,21 @@ from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Sim
 from armtempo.envs._yielding import YieldingEnv
 
 __all__ = [
+    "BLEND_ENTRIES",
     "ENTRIES",
+    "MAPPINGS",
     "MODES",
     "OTHER",
     "OTHERS",
     "OWN",
     "PHYSICS",
+    "BlendSimulation",
+    "BlendTrace",
+    "BlendTrackingEnv",
     "CoordinationEnv",
     "Entry",
     "EpisodeTrace",
+    "MappingName",
     "Physics",
     "Renderer",
     "Simulation",
@@ -30,3 +39,4 @@ __all__ = [
 
 for _env in (CoordinationEnv, YieldingEnv):
     _env.__doc__ = (_env.__doc__ or "").replace("{table}", observation_table())
+BlendTrackingEnv.__doc__ = (BlendTrackingEnv.__doc__ or "").replace("{table}", observation_table(BLEND_ENTRIES))

@@ -102,6 +102,8 @@ class BlendSimulation:
         s, v, a: The reference: length [m], speed and acceleration along the path.
         tip, station, contour_error: Where the tip is (3,), the nearest place of the path, the distance to it [m].
         tip_speed: Speed of the tip over the last tick [m/s].
+        speed_deviation: Mean distance of the tip speed from the profile's at full rate, over the last step [m/s].
+        mean_contour_error: Over the last step [m].
         arrival: Instant of arrival, nan before; in ``bullet`` known once the tip has settled.
         left: Whether the tip is out of the tube.
     """
@@ -112,12 +114,14 @@ class BlendSimulation:
         self.physics, self.record = physics, record
         n = cell.arm.dof
         self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
-        self._measured, self._reference = np.zeros((2, 1, n)), np.zeros((3, n))
-        self._q, self._qd = self._measured
-        self._torque, self._demand = np.zeros((1, n)), np.zeros((1, n))
+        self._q: Array = np.zeros((1, n))
+        self._qd: Array = np.zeros((1, n))
+        self._reference = np.zeros((3, n))
+        self._torque: Array = np.zeros((1, n))
+        self._demand: Array = np.zeros((1, n))
         self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
         self._model = cell.arm.model
-        self.tip = np.zeros(3)
+        self.tip: Array = np.zeros(3)
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
@@ -142,6 +146,7 @@ class BlendSimulation:
         self._goal = cell.blended.position(cell.blended.length)
         self._ticks = 0
         self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
+        self.speed_deviation = self.mean_contour_error = 0.0
         self.arrival, self._settled_since, self.left = math.nan, math.nan, False
         self._q[0], self._qd[0] = self._path.evaluate(0.0)[0], 0.0
         self._reference[:] = self._q[0]
@@ -181,6 +186,7 @@ class BlendSimulation:
         self.feed.request(override)
         ticks = self._ticks_per_period
         motion = np.empty((ticks, 4))
+        sigma_at = np.empty(ticks)
         for k in range(ticks):
             done, sigma, rate = self.feed.done, self.feed.sigma, self.feed.override
             motion[k, :3] = self.feed.step(self._tick)
@@ -188,14 +194,20 @@ class BlendSimulation:
             if self.feed.done and not done:  # the rest of the way at the rate of now, inside the tick
                 rest = (self.profile.duration - sigma) / rate if rate > 0.0 else self._tick
                 self._end = self.time + k * self._tick + min(rest, self._tick)
+            sigma_at[k] = self.feed.sigma
+        full = self.profile.at(sigma_at)[1]  # speeds at full rate
         joints = self._joints(motion[:, 0])
+        deviation = error = 0.0
         for k in range(ticks):
             self.s, self.v, self.a = (float(x) for x in motion[k, :3])
             self._advance(joints[k])
             if self.record:
                 self._keep(float(motion[k, 3]))
+            deviation += abs(self.tip_speed - full[k])
+            error += self.contour_error
             if self.left:
                 break
+        self.speed_deviation, self.mean_contour_error = float(deviation) / (k + 1), error / (k + 1)
 
     def _joints(self, lengths: Array) -> Array:
         """(K, n) reference joints at these travelled lengths."""

@@ -16,3 +16,8 @@ def time_reward(elapsed: float, reference: float) -> float:
 def collision_reward(position: float, length: float) -> float:
     """Minus two and the share of the path not covered: colliding is never better than going on."""
     return -(2.0 + (1.0 - position / length))
+
+
+def deviation_reward(share: float, elapsed: float, reference: float) -> float:
+    """Minus a deviation (1: as large as it should never be) over the time it lasted, in units of the reference time."""
+    return -share * elapsed / reference

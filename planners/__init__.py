@@ -23,11 +23,13 @@ from armtempo.planners._clearance_table import ClearanceTable, clearance_table, 
 from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell, bench_claims
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._execution import Execution, ScheduleExecution
+from armtempo.planners._feed_override import FeedOverride
 from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
 from armtempo.planners._length_mapping import ExactMapping, LengthMapping, PredictorCorrector, arc_length, rk4_length
+from armtempo.planners._limit_aware import limit_aware_profile
 from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._path_dynamics import PathDynamics
@@ -72,6 +74,7 @@ __all__ = [
     "ExactMapping",
     "Execution",
     "FamilyName",
+    "FeedOverride",
     "GeneratedCell",
     "Instance",
     "IntervalSearch",
@@ -127,6 +130,7 @@ __all__ = [
     "generate_cell",
     "label_cell",
     "least_time_blend",
+    "limit_aware_profile",
     "load_cell",
     "load_instance",
     "makespan_bound",

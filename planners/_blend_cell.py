@@ -43,7 +43,7 @@ class BlendCell:
     elbow: Elbow
     segments: tuple[Line | Arc, ...]
     blended: BlendedPath
-    path: JointPath
+    path: TwoLinkPath | ScaraPath
 
     @classmethod
     def of(cls, config: BlendCellConfig, arm: Arm, elbow: Elbow, segments: Sequence[Line | Arc]) -> BlendCell:
@@ -61,7 +61,7 @@ class BlendCell:
             curve=blend.curve,
             limits=_given_limits(config),
         )
-        path = (TwoLinkPath if arm.dof == 2 else ScaraPath)(arm, blended, elbow)
+        path = TwoLinkPath(arm, blended, elbow) if arm.dof == 2 else ScaraPath(arm, blended, elbow)
         return cls(
             name=config.name,
             config=config,

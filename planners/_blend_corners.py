@@ -184,7 +184,7 @@ def plan_corners(
             shares, degree = curve_shares(curve, shape_factor, count)
         reach = np.zeros(count)
         kernels.corner_distances(kind, shape, lengths, shares, degree, miss, smooth, reach)
-        if not np.isfinite(reach).all():
+        if not (reach <= 1e10 * miss).all():
             raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
         remaining = np.minimum(reach[:, None], most)
     elif curve == LEAST_TIME:
@@ -194,6 +194,7 @@ def plan_corners(
         straight = smooth & (np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0) * lengths.min() <= 1e-9)
         remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
     _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
+    remaining[(remaining <= 0.0).any(axis=1)] = 0.0
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
     return Corners(remaining, shares, degree, coefficients, deviation, turn)

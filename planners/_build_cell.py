@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeVar, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +37,10 @@ from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 Array = NDArray[np.float64]
 
 
-Kind = TypeVar("Kind", Cell, BlendCell)
-
-
 @overload
-def load_cell(name_or_path: str | Path) -> Cell: ...
+def load_cell(name_or_path: str | Path, kind: type[Cell] | None = None) -> Cell: ...
 @overload
-def load_cell(name_or_path: str | Path, kind: type[Kind]) -> Kind: ...
+def load_cell(name_or_path: str | Path, kind: type[BlendCell]) -> BlendCell: ...
 def load_cell(name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | None = None) -> Cell | BlendCell:
     """Load a bundled cell by name, or a user's own YAML file, and certify it.
 

@@ -4,9 +4,9 @@ With ``x(s) = v^2`` the tangential acceleration is ``x'/2``, the normal one ``ka
 
     sqrt(x) L[x],    L[x] = p' x''/2 + 3/2 p'' x' + p''' x,
 
-so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right side is convex: the tangent at any ``x_k > 0``
-lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with the tangents
-taken at the solution before (the convex-concave procedure); every iterate is feasible and the time only falls.
+so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right side is convex: the tangent at any
+``x_k > 0`` lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with
+the tangents taken at the solution before (the convex-concave procedure); all are feasible, and the time only falls.
 
 ``x`` is a C1 cubic between knots, and ``x ~ s^(4/3)`` (constant jerk) next to a rest. The result becomes quintics in
 time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dense sampling of the true limits asks.
@@ -15,8 +15,9 @@ time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dens
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,14 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, path_quantities, profile_states
 
 ROUNDS = 12
-SETTLED = 5e-4  # a round that gains less, as a share of the time, is the last
+SETTLED = 1e-3  # a round that gains less, as a share of the time, is the last
 POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
 CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
-PER_BLEND, PER_RAMP = 12, 10  # intervals
-PARTS = 3  # quintics per interval
+PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
+TRIMS = 1
+PARTS = 2  # quintics per interval
 SAMPLES = 12  # per quintic, both ends included
-MARGIN = 1e-7  # of the final slowing, for what lies between the samples
+MARGIN = 1e-6  # of the final slowing, for what lies between the samples
 GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
 
@@ -51,7 +53,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
     """
     stops = _stops(path)
     knots, rows, now = [np.zeros(1)], [], 0.0
-    for start, end in zip(stops, stops[1:], strict=False):
+    for start, end in pairwise(stops):
         times, coefficients = _between_stops(path, limits, float(start), float(end))
         knots.append(now + times[1:])
         rows.append(coefficients)
@@ -76,11 +78,27 @@ def _stops(path: Any) -> Array:
 def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float) -> tuple[Array, Array]:
     """Times from 0 and quintics of the motion between two rests."""
     program = _Program.build(path, limits, _stations(path, limits, start, end))
-    s, v, a, steps = program.rows(program.solve())
+    unknowns = program.solve()
+    times, coefficients, over = _motion(path, program, unknowns)
+    for _ in range(TRIMS):  # ask for a little less where the limits are exceeded between the points
+        if (over < 1.0 + 1e-3).all():
+            break
+        program = program.tightened(over)
+        unknowns = program.round(program.values(unknowns)[0])
+        trimmed = _motion(path, program, unknowns)
+        if trimmed[0][-1] < times[-1]:
+            times, coefficients, over = trimmed
+    return times, coefficients
+
+
+def _motion(path: Any, program: _Program, unknowns: Array) -> tuple[Array, Array, Array]:
+    """The motion as quintics in time, slowed until it keeps the limits; what it asked before, (2, K) by interval."""
+    s, v, a, steps = program.rows(unknowns)
     coefficients = _quintics(s, v, a, steps)
     times = np.concatenate([[0.0], np.cumsum(steps)])
-    slower = _slowing(path, limits, times, coefficients)
-    return times * slower, coefficients / slower ** np.arange(6)
+    slower, worst = _slowing(path, program.limits, times, coefficients)
+    first = np.concatenate([[0], np.arange(1, len(steps) - 1, PARTS), [len(steps) - 1]])
+    return times * slower, coefficients / slower ** np.arange(6), np.maximum.reduceat(worst, first, axis=1)
 
 
 def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> Array:
@@ -91,24 +109,24 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
     swing = min(acceleration / jerk, math.sqrt(speed / jerk))  # [s] of a jerk
     ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
     first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
+    marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
+    s = marks[:-1, None] + np.diff(marks)[:, None] * np.linspace(1e-6, 1.0 - 1e-6, 201)  # (pieces, samples)
+    bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
+    cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
+    change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
     stations = [np.array([start, start + first])]
-    for low, high in zip(marks, marks[1:], strict=False):
+    for k, (low, high) in enumerate(pairwise(marks)):
         length = high - low
-        low, high = max(low, start + first), min(high, end - first)
-        if high <= low:
-            continue
-        s = np.linspace(low, high, 200)
-        bend = np.linalg.norm(path.derivatives(0.5 * (s[1:] + s[:-1]))[2], axis=-1)
-        if bend.max() * length < CURVED:
-            from_end = np.minimum(s - low, high - s)
+        if bend[k].max() * length < CURVED:
+            from_end = np.minimum(s[k] - low, high - s[k])
             spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
         else:
-            share = 0.5 / length + 0.5 * np.interp(s, 0.5 * (s[1:] + s[:-1]), bend) / (bend.mean() * length)
-            spacing = 1.0 / (PER_BLEND * share)
-        spacing = np.minimum(spacing, 0.35 * np.minimum(s - start, end - s) + 0.5 * first)
-        count = np.concatenate([[0.0], np.cumsum(0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1]) * np.diff(s))])
-        intervals = max(math.ceil(count[-1]), 1)
-        inside = np.interp(np.linspace(0.0, count[-1], intervals + 1)[1:], count, s)
+            spacing = 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean())
+        spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
+        spacing = np.minimum(spacing, 0.35 * np.minimum(s[k] - start, end - s[k]))
+        density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
+        count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
+        inside = np.interp(np.linspace(0.0, count[-1], math.ceil(count[-1]) + 1)[1:], count, s[k])
         inside[-1] = high
         stations.append(inside)
     stations.append(np.array([end]))
@@ -128,6 +146,7 @@ class _Program:
         weights: (K, P) quadrature weights of ``ds / sqrt(x)`` [m].
         guess: (K, P) a first x to take tangents at [m^2/s^2].
         cap: (K, P) largest x by speed and normal acceleration [m^2/s^2].
+        jerk: (K,) limit of the jerk [m/s^3].
         bend: (K, P, 3, 3) third, 3/2 second, 1/2 first derivative of p: L[x] by x and its derivatives.
     """
 
@@ -139,6 +158,7 @@ class _Program:
     weights: Array
     guess: Array
     cap: Array
+    jerk: Array
     bend: Array
 
     @classmethod
@@ -169,8 +189,14 @@ class _Program:
             weights=weights,
             guess=guess,
             cap=cap,
+            jerk=np.full(len(steps), limits.jerk),
             bend=np.stack([d3, 1.5 * d2, 0.5 * d1], axis=-2),
         )
+
+    def tightened(self, over: Array) -> _Program:
+        """The same with lower limits of normal acceleration and jerk where time would have to stretch (2, K)."""
+        normal, jerk = np.maximum(over, 1.0)
+        return replace(self, cap=self.cap / normal[:, None] ** 2, jerk=self.jerk / jerk**3)
 
     @cached_property
     def hulls(self) -> tuple[Array, Array]:
@@ -199,29 +225,35 @@ class _Program:
         return float((self.weights / np.sqrt(x)).sum()) if (x > 0.0).all() else math.inf
 
     def solve(self) -> Array:
-        """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best."""
-        unknowns = self._round(self.guess)
-        best = self.time(unknowns)
+        """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best.
+
+        Raises:
+            InfeasibleError: A program that cannot be solved.
+        """
+        unknowns, best, reference = np.zeros(self.free.shape[1]), math.inf, self.guess
         for _ in range(ROUNDS):
-            reference = self.values(unknowns)[0]
-            if not (reference > 0.0).all():
-                raise InfeasibleError("no motion within the limits was found", remedy="bring limits closer together")
-            candidate = self._round(reference)
+            candidate = self.round(reference)
             time = self.time(candidate)
-            while time > best * (1.0 + 1e-6):  # any mean of two feasible motions is one
+            while best < time * (1.0 - 1e-6):  # any mean of two feasible motions is one
                 candidate = 0.5 * (candidate + unknowns)
                 time = self.time(candidate)
-            gain, unknowns, best = best - time, candidate, time
-            if gain < SETTLED * best:
-                break
+            if time < math.inf:
+                settled = best - time < SETTLED * best < math.inf
+                unknowns, best = candidate, time
+                if settled:
+                    break
+            # tangents may be taken anywhere above zero
+            reference = np.maximum(self.values(candidate)[0], 0.02 * reference)
+        if best == math.inf:
+            raise InfeasibleError("no motion within the limits was found", remedy="bring the limits closer together")
         return unknowns
 
-    def _round(self, reference: Array) -> Array:
+    def round(self, reference: Array) -> Array:
         """The best x whose jerk keeps the tangents at ``reference`` (K, P)."""
         import clarabel
         from scipy import sparse
 
-        limits, basis = self.limits, self.basis
+        basis = self.basis
         intervals = len(basis[0])
         columns = 2 * np.arange(intervals)[:, None] + np.arange(4)
 
@@ -233,7 +265,7 @@ class _Program:
         interval = np.broadcast_to(np.arange(intervals)[:, None], reference.shape)
         x = basis[0, :, :2]
         speed, slope = self.hulls
-        size = (np.sqrt(reference) / limits.jerk)[..., None]
+        size = (np.sqrt(reference) / self.jerk[:, None])[..., None]
         tangent = basis[0] / (2.0 * reference[..., None])  # sqrt(reference) / jerk |L[x]| <= 3/2 - tangent
         curved = np.abs(self.bend[:, :, :2]).max(axis=(2, 3)) > 0.0
         along = (basis[2] * (0.5 * size))[~curved]
@@ -242,7 +274,8 @@ class _Program:
         linear = [
             ((x / self.cap[:, :2, None]).reshape(-1, 4), at, 1.0),
             (-(basis[0, :, 0] / self.guess[:, :1])[1:], np.arange(1, intervals), 0.0),
-            (speed.reshape(-1, 4), np.repeat(np.arange(intervals), 2), 1.0),
+            (speed.reshape(-1, 4), at, 1.0),
+            ((-speed * (self.limits.speed**2 / self.guess[:, :1, None])).reshape(-1, 4), at, 0.0),
             (slope.reshape(-1, 4), at, 1.0),
             (-slope.reshape(-1, 4), at, 1.0),
             (tangent[~curved] + along, plain, 1.5),
@@ -351,23 +384,25 @@ def _quintics(s: Array, v: Array, a: Array, steps: Array) -> Array:
     )
 
 
-def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Array) -> float:
-    """By how much time must stretch for the true limits to hold (less than 1: may shrink)."""
+def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Array) -> tuple[float, Array]:
+    """By how much time must stretch for the true limits to hold; by normal acceleration and jerk for each piece."""
 
-    def stretch(t: Array) -> Array:
+    def stretches(t: Array) -> tuple[Array, Array, Array]:
         out = np.empty((4, t.size))
         profile_states(knots, coefficients, t.ravel(), out)
         s, v, a, j = out.reshape(4, *t.shape)
         tangential, normal, jerk = path_quantities(path, s, v, a, j)
-        pull = np.maximum(tangential / limits.acceleration, normal / limits.normal)
-        return np.asarray(np.maximum(np.maximum(v / limits.speed, np.sqrt(pull)), np.cbrt(jerk / limits.jerk)))
+        plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
+        return plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)
 
     steps = np.diff(knots)[:, None]
     share = np.linspace(0.0, 1.0, SAMPLES)
     share[0], share[-1] = 1e-9, 1.0 - 1e-9
-    coarse = stretch(knots[:-1, None] + share * steps)
-    near = np.flatnonzero(coarse.max(axis=1) > coarse.max() - 0.01)
+    kinds = np.stack(stretches(knots[:-1, None] + share * steps))
+    coarse = kinds.max(axis=0)
+    near = np.flatnonzero(coarse.max(axis=1) > coarse.max() * (1.0 - 2e-3))
     top = coarse[near].argmax(axis=1)
     low, high = share[np.maximum(top - 1, 0)], share[np.minimum(top + 1, SAMPLES - 1)]
-    fine = low[:, None] + np.linspace(0.0, 1.0, 65) * (high - low)[:, None]
-    return float(max(coarse.max(), stretch(knots[near][:, None] + fine * steps[near]).max())) * (1.0 + MARGIN)
+    fine = low[:, None] + np.linspace(0.0, 1.0, 33) * (high - low)[:, None]
+    worst = max(coarse.max(), np.max(stretches(knots[near][:, None] + fine * steps[near])))
+    return float(worst) * (1.0 + MARGIN), kinds[1:].max(axis=2)

@@ -12,9 +12,6 @@ from armtempo.configs import change_blend
 from armtempo.errors import PathError, UnknownNameError
 from armtempo.planners._blend_cell import BlendCell
 from armtempo.planners._cartesian_path import Arc, Line
-from armtempo.planners._planar_pair import PlanarPair
-from armtempo.planners._scara_path import ScaraPath
-from armtempo.planners._two_link_path import TwoLinkPath
 
 Array = NDArray[np.float64]
 FamilyName = Literal["given", "polyline", "zigzag", "line-arc"]
@@ -87,14 +84,9 @@ def draw_path(
     )
 
 
-def _pair(cell: BlendCell) -> PlanarPair:
-    assert isinstance(cell.path, TwoLinkPath | ScaraPath)
-    return cell.path.pair
-
-
 def _ring(cell: BlendCell) -> tuple[Array, Array]:
     """Lowest and highest distance, angle and height of the given path."""
-    polar = _pair(cell).polar(cell.blended.position(np.linspace(0.0, cell.blended.length, 400)))
+    polar = cell.path.pair.polar(cell.blended.position(np.linspace(0.0, cell.blended.length, 400)))
     polar[:, 1] = np.unwrap(polar[:, 1])
     return polar.min(axis=0), polar.max(axis=0)
 
@@ -103,7 +95,7 @@ def _corners(cell: BlendCell, random: np.random.Generator, family: str) -> Array
     """3 to 6 (lines and arcs: 3 to 5) sides between points anywhere in the ring."""
     count = int(random.integers(4, 8 if family == "polyline" else 7))
     low, high = _ring(cell)
-    return _pair(cell).point(random.uniform(low, high, (count, 3)))
+    return cell.path.pair.point(random.uniform(low, high, (count, 3)))
 
 
 def _zigzag(cell: BlendCell, random: np.random.Generator) -> Array:
@@ -111,7 +103,7 @@ def _zigzag(cell: BlendCell, random: np.random.Generator) -> Array:
     ends = _corners(cell, random, "polyline")[:2]
     count = int(random.integers(5, 10))
     along = (ends[1] - ends[0]) / (count - 1)
-    across = random.uniform(0.5, 2.0) * np.cross(_pair(cell).axis, along)
+    across = random.uniform(0.5, 2.0) * np.cross(cell.path.pair.axis, along)
     side = np.where(np.arange(count) % 2 == 0, 0.0, 1.0)
     points: Array = ends[0] + np.arange(count)[:, None] * along + side[:, None] * across
     return points
@@ -126,6 +118,6 @@ def _segments(cell: BlendCell, points: Array, family: str, random: np.random.Gen
             continue
         bulge = float(random.uniform(0.05, 0.3)) * float(random.choice([-1.0, 1.0]))
         side = end - start
-        across = np.cross(_pair(cell).axis, side)
+        across = np.cross(cell.path.pair.axis, side)
         segments.append(Arc.through(start, 0.5 * (start + end) + bulge * across, end))
     return segments

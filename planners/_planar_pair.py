@@ -111,7 +111,8 @@ class PlanarPair:
     def polar(self, position: Array) -> Array:
         """Distance from the first axis [m], angle about it [rad] and height along it [m] of points, (..., 3)."""
         in_plane, radius = self._radius(position)
-        return np.stack([radius, np.arctan2(in_plane[..., 1], in_plane[..., 0]), position @ self.axis], axis=-1)
+        height: Array = position @ self.axis
+        return np.stack([radius, np.arctan2(in_plane[..., 1], in_plane[..., 0]), height], axis=-1)
 
     def point(self, polar: Array) -> Array:
         """The points (..., 3) [m] of which ``polar`` tells."""
@@ -149,7 +150,7 @@ class PlanarPair:
         cos2 = np.clip((r**2 - l1**2 - l2**2) / (2.0 * l1 * l2), -1.0, 1.0)
         sin2 = self._bend * np.sqrt(1.0 - cos2**2)
         theta1 = np.arctan2(in_plane[..., 1], in_plane[..., 0]) - np.arctan2(l2 * sin2, l1 + l2 * cos2)
-        near = np.interp(lam, self.station, self._turns)
+        near = np.interp(np.asarray(lam, dtype=np.float64), self.station, self._turns)
         theta1 += 2.0 * np.pi * np.round((near - theta1) / (2.0 * np.pi))
         q2 = self.side * (np.arctan2(sin2, cos2) - self._zero2) + self._turn2  # theta2 keeps its sign: no jump
         return np.stack([theta1, q2], axis=-1)

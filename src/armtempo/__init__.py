@@ -33,6 +33,11 @@ gymnasium.register(
     entry_point="armtempo.envs:YieldingEnv",
     kwargs={"cell": "lee1991"},
 )
+gymnasium.register(
+    id="armtempo/BlendTracking-v0",
+    entry_point="armtempo.envs:BlendTrackingEnv",
+    kwargs={"cell": "lee2006"},
+)
 pettingzoo.register(
     "parallel",
     "armtempo/Coordination-v0",

@@ -112,7 +112,7 @@ def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
 def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) -> None:
-    ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)  # type: ignore[arg-type]
+    ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)  # type: ignore[call-overload]
     for name, result in ideal.results.items():
         assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)
         assert result.path_error_max_m == 0.0

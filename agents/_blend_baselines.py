@@ -1,0 +1,185 @@
+"""Baselines for blend cells: a profile, a mapping and corners, and who overrides the feed rate.
+
+``line-speed``         the paper's profile (limits along the path only) and mapping (Lee2006 eqs. 13, 15), at full rate
+``limit-aware``        the profile that also keeps normal acceleration and the jerk vector, exact mapping, at full rate
+``limit-aware-smooth`` the same on corners without a jump of curvature, where it need not stop: quintic blends
+``constant``           the line-speed profile at the highest constant rate that keeps all those limits and the arm's
+``random``             uniform actions on the line-speed profile
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.agents._policy import to_action
+from armtempo.envs import BlendTrackingEnv, MappingName
+from armtempo.errors import UnknownNameError
+from armtempo.planners import BlendCell, ProfileName
+
+Array = NDArray[np.float64]
+
+SAMPLES = 16001  # of a profile, for what it asks of the arm
+MARGIN = 1e-6
+
+
+class BlendPolicy(Protocol):
+    """Decides the feed rate of a blend cell's arm; baselines and learned agents alike."""
+
+    def reset(self, seed: int | None = None) -> None:
+        """Forget the last episode; all randomness comes from ``seed``."""
+        ...
+
+    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
+        """One action (1,) float32 in [-1, 1]."""
+        ...
+
+
+@final
+class ConstantRate:
+    """The same override all the way; None: the highest that keeps all limits, of each episode's own path."""
+
+    def __init__(self, rate: float | None = 1.0) -> None:
+        self.rate = rate
+        self._found: tuple[BlendCell, float] | None = None
+
+    def reset(self, seed: int | None = None) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
+        """That override."""
+        if self.rate is not None:
+            return to_action(self.rate)
+        cell = env.simulation.cell
+        if self._found is None or self._found[0] is not cell:
+            self._found = cell, highest_rate(cell)
+        return to_action(self._found[1])
+
+
+@final
+class RandomRate:
+    """Uniform actions."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Start the random numbers again."""
+        self._random = np.random.default_rng(seed)
+
+    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
+        """Draw an action."""
+        return self._random.uniform(-1.0, 1.0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlendBaseline:
+    """What an episode of a baseline needs: the environment's settings and a policy.
+
+    Attributes:
+        profile: Of the environment.
+        mapping: Likewise.
+        curve: Blends that take the place of the cell's; None: the cell's.
+        make: Makes the policy.
+    """
+
+    profile: ProfileName
+    mapping: MappingName
+    curve: str | None
+    make: Callable[[], BlendPolicy]
+
+
+_BASELINES = {
+    "line-speed": BlendBaseline(profile="line-speed", mapping="paper", curve=None, make=ConstantRate),
+    "limit-aware": BlendBaseline(profile="limit-aware", mapping="exact", curve=None, make=ConstantRate),
+    "limit-aware-smooth": BlendBaseline(profile="limit-aware", mapping="exact", curve="quintic", make=ConstantRate),
+    "constant": BlendBaseline(
+        profile="line-speed", mapping="exact", curve=None, make=lambda: ConstantRate(None)
+    ),
+    "random": BlendBaseline(profile="line-speed", mapping="exact", curve=None, make=RandomRate),
+}  # fmt: skip
+BLEND_POLICIES = tuple(_BASELINES)
+
+
+def blend_baseline(name: str) -> BlendBaseline:
+    """A baseline by name.
+
+    Raises:
+        UnknownNameError: No such policy.
+    """
+    if name not in _BASELINES:
+        raise UnknownNameError("policy", name, BLEND_POLICIES)
+    return _BASELINES[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionDemand:
+    """What a motion along the path asks for; ratios to the limits (1 is the limit).
+
+    Attributes:
+        normal_ratio_max: Normal acceleration.
+        jerk_ratio_max: Jerk of the whole vector, between jumps of the curvature.
+        torque_ratio_max: Joint torques, by inverse dynamics.
+        joint_speed_ratio_max: Joint speeds.
+    """
+
+    normal_ratio_max: float
+    jerk_ratio_max: float
+    torque_ratio_max: float
+    joint_speed_ratio_max: float
+
+    @property
+    def ratio_max(self) -> float:
+        """The worst of them."""
+        return max(self.normal_ratio_max, self.jerk_ratio_max, self.torque_ratio_max, self.joint_speed_ratio_max)
+
+
+def motion_demand(cell: BlendCell, s: Array, v: Array, a: Array, j: Array) -> MotionDemand:
+    """What a motion asks for, from samples (K,) of length, speed, acceleration and jerk along the path."""
+    limits, arm = cell.limits, cell.arm
+    _, d1, d2, d3 = cell.blended.derivatives(np.clip(s, 0.0, cell.blended.length))
+    normal = np.linalg.norm(d2, axis=-1) * v**2
+    jerk = np.linalg.norm(d1 * j[:, None] + 3.0 * d2 * (v * a)[:, None] + d3 * (v**3)[:, None], axis=-1)
+    q, dq, ddq = cell.path.evaluate(s)
+    qd, qdd = dq * v[:, None], ddq * (v**2)[:, None] + dq * a[:, None]
+    torque = arm.inverse_dynamics(q, qd, qdd)
+    return MotionDemand(
+        normal_ratio_max=float(normal.max()) / limits.normal,
+        jerk_ratio_max=float(jerk.max()) / limits.jerk,
+        torque_ratio_max=float(np.max(np.abs(torque) / arm.torque_max)),
+        joint_speed_ratio_max=float(np.max(np.abs(qd) / arm.speed_max)),
+    )
+
+
+def highest_rate(cell: BlendCell) -> float:
+    """The highest constant override of the line-speed profile that keeps all limits of the tip and of the arm.
+
+    At the rate f speeds shrink by f, accelerations by f^2, jerks by f^3; torques keep what gravity and friction ask.
+    Where even standing asks for too much torque the rate is 0.
+    """
+    profile = cell.line_speed
+    s, v, a, j = profile.at(np.linspace(0.0, profile.duration, SAMPLES))
+
+    def ratio(f: float) -> float:
+        return motion_demand(cell, s, f * v, f * f * a, f**3 * j).ratio_max
+
+    if ratio(1.0) <= 1.0:
+        return 1.0
+    low, high = 0.0, 1.0
+    while high - low > MARGIN:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if ratio(middle) <= 1.0 else (low, middle)
+    return low
+
+
+def planning_time(cell: BlendCell, baseline: BlendBaseline) -> tuple[float, float]:
+    """Plan afresh what a baseline needs: duration of its profile, and the seconds that this took."""
+    began = time.perf_counter()
+    fresh = cell.variant(curve=baseline.curve)
+    duration = fresh.profile(baseline.profile).duration
+    return duration, time.perf_counter() - began

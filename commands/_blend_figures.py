@@ -1,0 +1,188 @@
+"""Figures of blend cells: the path and how it is followed, line speed, accelerations against limits, torques."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from armtempo.commands._style import FAINT, INK, MUTED, arm_color, new_figure, note, policy_color, styled
+from armtempo.planners import Blend, BlendCell
+
+if TYPE_CHECKING:
+    from armtempo.agents import BlendEvaluation
+    from armtempo.envs import BlendTrace
+
+Array = NDArray[np.float64]
+
+SAMPLES = 2000
+LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
+SMALLEST_ERROR = 1e-9  # [mm] contour errors below are drawn there
+
+
+def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
+    """Figures of an evaluation by file name."""
+    traces = {name: result.trace for name, result in evaluation.results.items()}
+    one_path = evaluation.family == "given"
+    figures = {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
+    if one_path:
+        figures = {"path": blended_path(evaluation.cell, traces), **figures}
+    figures |= {f"torque_{name}": torques(name, trace) for name, trace in traces.items() if name != "random"}
+    return figures
+
+
+def _line(name: str) -> dict[str, Any]:
+    random = name == "random"
+    return {
+        "color": policy_color(name),
+        "linewidth": 1.0 if random else 1.8,
+        "linestyle": (0, (1, 1.4)) if random else "-",
+        "zorder": 2.5 if random else 4.0,
+    }
+
+
+def _legend(figure: Figure, names: Mapping[str, object], *more: Line2D) -> None:
+    handles = [Line2D([], [], label=name, **_line(name)) for name in names]
+    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=min(len(handles) + len(more), 6))
+
+
+def _windows(cell: BlendCell) -> list[tuple[float, float]]:
+    """Lengths [m] between which the path is in a blend."""
+    ends = cell.blended.breakpoints
+    pieces = zip(cell.blended.pieces, ends[:-1], ends[1:], strict=True)
+    return [(float(low), float(high)) for piece, low, high in pieces if isinstance(piece, Blend)]
+
+
+def _shade(axes: Axes, cell: BlendCell) -> None:
+    for low, high in _windows(cell):
+        axes.axvspan(low, high, color="#F3F3F3", zorder=0.0, linewidth=0.0)
+
+
+@styled
+def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
+    """The path from above with its corners and the arm, and each policy's contour error along it."""
+    figure = new_figure(8.6, 4.3)
+    axes, errors = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    axes.set_title(f"Path from above, {cell.config.blend.curve} blends")
+    axes.set_aspect("equal")
+    for segment in cell.segments:
+        points = segment.evaluate(np.linspace(0.0, segment.length, 50))[0]
+        axes.plot(points[:, 0], points[:, 1], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), zorder=3.0)
+    points = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))
+    axes.plot(points[:, 0], points[:, 1], color=INK, linewidth=1.8, zorder=4.0)
+    for low, high in _windows(cell):
+        points = cell.blended.position(np.linspace(low, high, 200))
+        axes.plot(points[:, 0], points[:, 1], color="#D55E00", linewidth=2.6, zorder=5.0)
+    for station, alpha in ((0.0, 1.0), (cell.blended.length, 0.3)):
+        q = cell.path.evaluate(station)[0]
+        joints = np.vstack([cell.arm.link_poses(q)[:2, :2, 3], cell.arm.tip_pose(q)[:2, 3]])
+        axes.plot(
+            joints[:, 0], joints[:, 1], "o-", color=arm_color(0), linewidth=4.0, markersize=6.0, alpha=alpha, zorder=2.0
+        )
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    errors.set_title("Distance of the tip from the path")
+    _shade(errors, cell)
+    for name, trace in traces.items():
+        share = trace.s / trace.cell.blended.length * cell.blended.length  # other corners, other lengths
+        errors.semilogy(share, np.maximum(1e3 * trace.contour_error, SMALLEST_ERROR), **_line(name))
+    allowed = 1e3 * cell.contour_error_max
+    errors.axhline(allowed, **LIMIT)
+    errors.set_ylim(0.5 * SMALLEST_ERROR, 4.0 * allowed)
+    errors.set_xlabel("length along the path [m]")
+    errors.set_ylabel("contour error [mm]")
+    handles = (
+        Line2D([], [], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), label="given segments"),
+        Line2D([], [], color="#D55E00", linewidth=2.6, label="blend"),
+        Line2D([], [], label="allowed", **LIMIT),
+    )
+    _legend(figure, traces, *handles)
+    return figure
+
+
+@styled
+def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
+    """Speed of the tip over time, and its error against the reference."""
+    from armtempo.agents import speed_errors
+
+    figure = new_figure(8.6, 4.8)
+    speed, error = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
+    speed.set_title("Line speed of the tip, point to point")
+    error.set_title("Its error inside the blends")
+    for name, trace in traces.items():
+        speed.plot(trace.time[1:], 1e3 * trace.line_speed[1:], **_line(name))
+        if name == "random":
+            continue
+        tick = float(trace.time[1])
+        wanted = np.diff(trace.s, prepend=0.0) / tick
+        inside = np.zeros(len(trace.s), dtype=bool)
+        inside[1:] = _inside(trace)[1:]
+        deviation = np.where(inside, trace.line_speed - wanted, np.nan)
+        error.plot(trace.time, 1e3 * deviation, **_line(name))
+        assert len(speed_errors(trace)[0]) == int(inside.sum())
+    error.axhline(0.0, color=FAINT, linewidth=0.8, zorder=1.0)
+    speed.set_ylabel("speed [mm/s]")
+    speed.set_ylim(bottom=0.0)
+    error.set_ylabel("error [mm/s]")
+    error.set_xlabel("time [s]")
+    _legend(figure, traces)
+    return figure
+
+
+def _inside(trace: BlendTrace) -> NDArray[np.bool_]:
+    from armtempo.agents import in_blends
+
+    return in_blends(trace)
+
+
+@styled
+def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
+    """Acceleration of the reference along and across the path and its jerk as shares of their limits."""
+    figure = new_figure(8.6, 6.2)
+    along, across, jerk = figure.subplots(3, 1, sharex=True)
+    most = [1.0, 1.0, 1.0]
+    for name, trace in traces.items():
+        cell, limits = trace.cell, trace.cell.limits
+        tick = float(trace.time[1])
+        _, d1, d2, d3 = cell.blended.derivatives(trace.s)
+        v, a = trace.v[:, None], trace.a[:, None]
+        j = np.diff(trace.a, append=trace.a[-1])[:, None] / tick
+        vector = np.linalg.norm(d1 * j + 3.0 * d2 * v * a + d3 * v**3, axis=-1)
+        normal = np.linalg.norm(d2, axis=-1) * trace.v**2
+        shares = (np.abs(trace.a) / limits.acceleration, normal / limits.normal, vector / limits.jerk)
+        for k, (axes, share) in enumerate(zip((along, across, jerk), shares, strict=True)):
+            axes.plot(trace.time, share, **_line(name))
+            if name != "random":
+                most[k] = max(most[k], float(share.max()))
+    titles = ("Acceleration along the path", "Normal acceleration", "Jerk (of the whole vector)")
+    for k, (axes, title) in enumerate(zip((along, across, jerk), titles, strict=True)):
+        axes.axhline(1.0, **LIMIT)
+        axes.set_ylim(0.0, 1.12 * most[k])
+        axes.set_title(title)
+        axes.set_ylabel("share of limit")
+    jerk.set_xlabel("time [s]")
+    _legend(figure, traces, Line2D([], [], label="limit", **LIMIT))
+    return figure
+
+
+@styled
+def torques(name: str, trace: BlendTrace) -> Figure:
+    """Torque of every joint over time with its limits."""
+    arm = trace.cell.arm
+    figure = new_figure(8.6, 1.1 + 1.15 * arm.dof)
+    figure.suptitle(f"Torques: {name}", fontsize=10.5, weight="bold", x=0.01, ha="left")
+    for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):
+        limit = float(arm.torque_max[j])
+        for sign in (-1.0, 1.0):
+            axes.axhline(sign * limit, **LIMIT)
+        axes.step(trace.time[1:], trace.torque[1:, j], where="pre", color=policy_color(name), linewidth=1.6, zorder=4.0)
+        axes.set_ylim(-1.2 * limit, 1.2 * limit)
+        axes.set_ylabel("[N]" if arm.model.prismatic[j] else "[N m]")
+        note(axes, 0.01, 0.86, arm.joint_names[j], va="top", weight="bold")
+    axes.set_xlabel("time [s]")
+    return figure

@@ -1,0 +1,124 @@
+"""``armtempo evaluate`` of a blend cell: how well policies hold line speed, path and limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from armtempo.commands._output import Output, default_folder, new_table, number
+
+if TYPE_CHECKING:
+    from armtempo.agents import BlendEvaluation
+    from armtempo.planners import BlendCell, FamilyName
+
+OVER = 1.0 + 1e-3  # share of a limit from which the table prints it red: what ticks can resolve
+
+
+def evaluate_blend(
+    cell: BlendCell,
+    policies: tuple[str, ...],
+    output: Output,
+    *,
+    family: FamilyName,
+    out: Path | None,
+    figures: bool,
+    **options: Any,
+) -> None:
+    """Run, tabulate and draw; ``options`` as of ``agents.evaluate``."""
+    from armtempo import agents
+
+    chosen = policies or agents.BLEND_POLICIES
+    with output.progress("Simulating", len(chosen) * options["episodes"]) as (progress, task):
+
+        def on_episode(policy: str, episode: int) -> None:
+            progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
+
+        result = agents.evaluate(cell, chosen, family=family, on_episode=on_episode, **options)
+    _tabulate(result, output)
+    output.json(result.to_dict())
+    if figures:
+        from armtempo.commands._blend_figures import evaluation_figures
+        from armtempo.commands._plot import draw
+
+        folder = default_folder(cell, out)
+        with output.progress("Drawing"):
+            drawn = evaluation_figures(result)
+        output.pictures(folder, draw(drawn, folder, output))
+
+
+def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
+    cell, limits = evaluation.cell, evaluation.cell.limits
+    paths = "" if evaluation.family == "given" else f"; {evaluation.episodes} random paths ({evaluation.family})"
+    table = new_table(
+        f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
+        f"decision every {1e3 * cell.control_period:g} ms{paths})",
+        f"line speed {limits.speed:g} m/s; limits: along the path {limits.acceleration:.4g}, across "
+        f"{limits.normal:.4g} m/s^2, jerk {limits.jerk:g} m/s^3; speed errors inside the blends, largest / rms",
+    )
+    table.add_column("policy", no_wrap=True)
+    for head in (
+        "plan\n\\[s]",
+        "simul.\n\\[s]",
+        "slowest\n\\[mm/s]",
+        "speed error\nalong \\[mm/s]",
+        "point to\npoint \\[mm/s]",
+        "contour\nerr. \\[mm]",
+        "normal acc.\n\\[x limit]",
+        "jerk\n\\[x limit]",
+        "torque\n\\[x limit]",
+        "reward",
+        "done",
+    ):
+        table.add_column(head, justify="right")
+
+    def share(ratio: float) -> str:
+        return f"[red]{number(ratio, 3)}[/]" if ratio > OVER else number(ratio, 3)
+
+    for name, r in evaluation.results.items():
+        table.add_row(
+            name,
+            number(r.plan_duration_s, 3),
+            number(r.duration_s, 3),
+            number(r.blend_speed_min_m_s, 0, 1e3),
+            f"{_error(r.arc_speed_error_max_m_s)} / {_error(r.arc_speed_error_rms_m_s)}",
+            f"{_error(r.chord_speed_error_max_m_s)} / {_error(r.chord_speed_error_rms_m_s)}",
+            _error(r.contour_error_max_m),
+            share(r.normal_acceleration_ratio_max),
+            share(r.jerk_ratio_max),
+            share(r.torque_demand_ratio_max),
+            number(r.reward, 3),
+            f"{r.finished}/{evaluation.episodes}" + (f", [red]{r.left} left[/]" if r.left else ""),
+        )
+    output.table(table)
+    output.say(reading(evaluation))
+
+
+def _error(value: float | None) -> str:
+    """An error in thousandths of its unit; what is below a millionth is told as such."""
+    if value is not None and 0.0 < abs(value) < 5e-10:
+        return "<1e-6"
+    return number(value, 3 if value is None or value >= 5e-7 or value == 0.0 else 6, 1e3)
+
+
+def reading(evaluation: BlendEvaluation) -> str:
+    """What the table says, in a sentence or two."""
+    results, limits = evaluation.results, evaluation.cell.limits
+    said = []
+    if (r := results.get("line-speed")) is not None and r.duration_s is not None:
+        said.append(
+            f"line-speed holds {1e3 * limits.speed:g} mm/s through the corners at "
+            f"{number(r.normal_acceleration_ratio_max, 1)} x the limit of the normal acceleration"
+        )
+    keeping = {
+        name: r
+        for name, r in results.items()
+        if r.duration_s is not None
+        and max(r.normal_acceleration_ratio_max, r.jerk_ratio_max, r.torque_demand_ratio_max) <= OVER
+    }
+    if keeping:
+        quickest = min(keeping, key=lambda name: keeping[name].duration_s or 0.0)
+        text = f"{quickest} keeps all limits in {number(keeping[quickest].duration_s, 3)} s"
+        if "constant" in keeping and quickest != "constant":
+            text += f" (at a constant rate: {number(keeping['constant'].duration_s, 3)} s)"
+        said.append(text)
+    return "; ".join(said) + "." if said else "No policy arrived within its limits."

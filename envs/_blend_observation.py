@@ -1,0 +1,61 @@
+"""What the agent of a blend cell sees: one table gives the space, the docstring and the tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs._blend_simulation import BlendSimulation
+from armtempo.envs._observation import Entry
+
+AHEAD = (0.0, 0.5, 1.0, 2.0)
+"""Where the curvature is looked at: so many braking distances from the line speed ahead of the reference."""
+
+BLEND_ENTRIES = (
+    Entry("progress", -1.0, 1.0, "length that the reference has travelled, start -1, end 1"),
+    Entry("speed", -1.0, 1.0, "speed of the reference as a share of the line speed, 0 is -1"),
+    Entry("tip_speed", -1.0, 1.0, "speed of the tip as a share of the line speed, 0 is -1"),
+    Entry("acceleration", -1.0, 1.0, "acceleration of the reference as a share of its limit"),
+    Entry("override", -1.0, 1.0, "feed-rate override now, 0 is -1"),
+    *(
+        Entry(
+            f"curvature_{k}", -1.0, 1.0,
+            f"x / (1 + x), 0 is -1, x: normal acceleration at line speed {share:g} braking distances ahead / limit",
+        )
+        for k, share in enumerate(AHEAD)
+    ),
+    Entry("contour_error", -1.0, 1.0, "distance of the tip from the path as a share of what is allowed, 0 is -1"),
+    Entry("lag", -1.0, 1.0, "how far the tip is behind its reference along the path, in units of the same"),
+    Entry("torque_use", -1.0, 1.0, "largest torque asked for as a share of its limit, 0 is -1"),
+    Entry("joint_speed_use", -1.0, 1.0, "largest joint speed as a share of its limit, 0 is -1"),
+    Entry("normal_use", -1.0, 1.0, "normal acceleration of the reference as a share of its limit, 0 is -1"),
+    Entry("time_to_go", -1.0, 1.0, "what the profile still takes at full rate, as a share of its duration; none is -1"),
+)  # fmt: skip
+
+
+def observe_blend(simulation: BlendSimulation) -> NDArray[np.float32]:
+    """The observation now, in the order of ``BLEND_ENTRIES``; a new array."""
+    cell, profile = simulation.cell, simulation.profile
+    limits, length, allowed = cell.limits, cell.blended.length, cell.contour_error_max
+    braking = limits.speed**2 / (2.0 * limits.acceleration)
+    bend = cell.blended.curvature(np.minimum(simulation.s + braking * np.array(AHEAD), length))
+    ahead = bend * limits.speed**2 / limits.normal
+    signed = (
+        simulation.s / length,
+        simulation.v / limits.speed,
+        simulation.tip_speed / limits.speed,
+        simulation.feed.override,
+        *(ahead / (1.0 + ahead)),
+        simulation.contour_error / allowed,
+        np.max(np.abs(simulation.demand) / cell.arm.torque_max),
+        np.max(np.abs(simulation.joint_speeds) / cell.arm.speed_max),
+        bend[0] * simulation.v**2 / limits.normal,
+        1.0 - simulation.feed.sigma / profile.duration,
+    )
+    shares = 2.0 * np.clip(signed, 0.0, 1.0) - 1.0
+    entries = np.empty(len(BLEND_ENTRIES), dtype=np.float32)
+    plain = {3: simulation.a / limits.acceleration, 6 + len(AHEAD): simulation.lag / allowed}
+    entries[[k for k in range(len(entries)) if k not in plain]] = shares
+    for k, value in plain.items():
+        entries[k] = min(max(value, -1.0), 1.0)
+    return entries
