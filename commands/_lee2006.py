@@ -115,7 +115,7 @@ def _simulation(cell: BlendCell, sampled: Run) -> list[Quantity]:
     section = "Section IV: SCARA simulation"
     path, profile = cell.blended, cell.line_speed
     ends = path.breakpoints
-    names = ("line", "first blend", "line", "second blend", "arc")
+    names = ("first line", "first blend", "second line", "second blend", "arc")
     values = [
         Quantity(section, f"length of the {name}", "mm", None, MM * float(length), 2)
         for name, length in zip(names, np.diff(ends), strict=True)
