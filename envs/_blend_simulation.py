@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
 
+_COLUMNS = (
+    "time", "s", "v", "a", "j", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed",
+    "torque", "demand",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class BlendTrace:
@@ -283,23 +288,9 @@ class BlendSimulation:
         if not self.record:
             raise InputError("this environment keeps no trace", remedy="make it with record=True")
         columns = [np.array(column) for column in zip(*self._rows, strict=True)]
-        names = (
-            "time",
-            "s",
-            "v",
-            "a",
-            "j",
-            "override",
-            "q",
-            "tip",
-            "station",
-            "contour_error",
-            "line_speed",
-            "arc_speed",
-        )
         return BlendTrace(
             cell=self.cell,
-            **dict(zip((*names, "torque", "demand"), columns, strict=True)),
+            **dict(zip(_COLUMNS, columns, strict=True)),
             torque_max=self._torque_max.copy(),
             arrival=self.arrival,
             left=self.left,
