@@ -54,20 +54,20 @@ def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
     table = new_table(
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{paths})",
-        f"line speed {limits.speed:g} m/s; limits: along the path {limits.acceleration:.4g}, across "
-        f"{limits.normal:.4g} m/s^2, jerk {limits.jerk:g} m/s^3; speed errors: largest, inside the blends",
+        f"line speed {limits.speed:g} m/s, slowest and errors (along the path, from point to point) inside the blends; "
+        f"shares of limits: normal acceleration {limits.normal:.4g} m/s^2, jerk {limits.jerk:g} m/s^3, joint torques",
     )
     table.add_column("policy", no_wrap=True)
     for head in (
         "plan\n\\[s]",
         "simul.\n\\[s]",
         "slowest\n\\[mm/s]",
-        "along it\n\\[mm/s]",
-        "pt to pt\n\\[mm/s]",
+        "arc err.\n\\[mm/s]",
+        "chord err.\n\\[mm/s]",
         "contour\n\\[mm]",
-        "normal\n\\[x lim]",
-        "jerk\n\\[x lim]",
-        "torque\n\\[x lim]",
+        "normal\n\\[x]",
+        "jerk\n\\[x]",
+        "torque\n\\[x]",
         "reward",
         "done",
         "left",
