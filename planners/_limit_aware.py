@@ -250,7 +250,7 @@ class _Program:
 
     def round(self, reference: Array) -> Array:
         """The best x whose jerk keeps the tangents at ``reference`` (K, P)."""
-        import clarabel
+        from clarabel import clarabel  # type: ignore[attr-defined, unused-ignore]
         from scipy import sparse
 
         basis = self.basis
