@@ -9,8 +9,10 @@ from armtempo.planners._benchmark_set import (
     benchmark_instances,
     draw_benchmark,
 )
-from armtempo.planners._blend import Blend, blend
+from armtempo.planners._blend import Blend, blend, least_time_blend
+from armtempo.planners._blend_corners import CURVES, PassingLimits
 from armtempo.planners._blend_kernels import PackedPath, blended_point
+from armtempo.planners._blend_least_time import passing_cost
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
@@ -25,6 +27,7 @@ from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
 from armtempo.planners._joint_path import JointPath, PathTable, path_point
+from armtempo.planners._length_mapping import ExactMapping, LengthMapping, PredictorCorrector, arc_length, rk4_length
 from armtempo.planners._limit_aware import limit_aware_profile
 from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
@@ -43,6 +46,7 @@ from armtempo.planners._waypoint_file import read_waypoints
 from armtempo.planners._waypoint_path import WaypointPath
 
 __all__ = [
+    "CURVES",
     "ENGINES",
     "FAMILIES",
     "METHODS",
@@ -61,6 +65,7 @@ __all__ = [
     "Claim",
     "ClearanceTable",
     "CoordinationChart",
+    "ExactMapping",
     "Execution",
     "FeedOverride",
     "GeneratedCell",
@@ -69,6 +74,7 @@ __all__ = [
     "Island",
     "JointPath",
     "JointTrajectory",
+    "LengthMapping",
     "Line",
     "LineSpeedCertificate",
     "LineSpeedLimits",
@@ -78,12 +84,14 @@ __all__ = [
     "MotionCertificate",
     "PackedPath",
     "PairBound",
+    "PassingLimits",
     "PathDynamics",
     "PathTable",
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
     "Precedence",
+    "PredictorCorrector",
     "PriorityClass",
     "Schedule",
     "ScheduleCertificate",
@@ -95,6 +103,7 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "WaypointPath",
+    "arc_length",
     "audit_clearance",
     "bench_cell",
     "bench_claims",
@@ -111,11 +120,13 @@ __all__ = [
     "generate_cell",
     "label_cell",
     "limit_aware_profile",
+    "least_time_blend",
     "load_cell",
     "load_instance",
     "makespan_bound",
     "minimum_time",
     "pair_bound",
+    "passing_cost",
     "path_point",
     "phase_kernels",
     "plan_vci",
@@ -123,6 +134,7 @@ __all__ = [
     "read_trajectory",
     "read_waypoints",
     "refined_plane",
+    "rk4_length",
     "save_instance",
     "schedule",
     "tabulated_clearance",

@@ -108,8 +108,8 @@ def blend(
         tolerance: Instead: the distance from the vertex to the curve [m]. With both, the remaining distance is the most
             that is taken, and the tolerance may not be used up.
         curve: ``cubic`` (Lee2006), ``quintic`` and ``low-peak`` (G2 for any pair), ``septic`` (G3), ``least-time`` (of
-            several, the quickest to pass; needs ``tolerance`` and ``limits``), or shares of the inner control points,
-            see ``_blend_corners``.
+            all, the quickest to pass; needs ``tolerance`` and ``limits``), or shares of the inner control points, see
+            ``_blend_corners``.
         limits: For ``least-time``.
 
     Raises:
@@ -136,3 +136,23 @@ def blend(
         deviation=float(corners.deviation[0]),
         continuity=(kernels.joint_order(ends[0], out[0], size), kernels.joint_order(out[1], ends[1], size)),
     )
+
+
+def least_time_blend(
+    a: Line | Arc,
+    b: Line | Arc,
+    tolerance: float,
+    limits: PassingLimits,
+    *,
+    remaining_distance: float | tuple[float, float] | None = None,
+) -> Blend:
+    """The blend that is quickest to pass at a corner tolerance [m], by the estimate in ``_blend_least_time``.
+
+    The families and their shares are searched from the named curves; the tolerance is the most the path may leave the
+    vertex by, and is used up unless the segments, or ``remaining_distance``, are too short for it.
+
+    Raises:
+        InputError: A number that makes no sense.
+        PathError: As ``blend``.
+    """
+    return blend(a, b, remaining_distance, tolerance=tolerance, curve="least-time", limits=limits)

@@ -4,7 +4,8 @@ Blends are Bezier curves with two, three or four control points per end. ``share
 ones from the vertex along the tangents, as shares of the remaining distance L:
 
     cubic      1 - lambda/3    the paper's F' = lambda L n (Lee2006 eqs. 1-9); G2 between lines iff lambda = 3
-    quintic    .60, .20        Hermite quintic with |F'| = 2 L and F'' across the path only; G2 for any pair
+    quintic    .64, .28        Hermite quintic with |F'| = mu L, mu = 1.8, and F'' only across the path; G2 for any
+                               pair; at this mu both peak curvature and its slope are low at square corners
     low-peak   .76, .38        G2 for any pair, least peak curvature at a given deviation
     septic     .80, .60, .25   G3 for any pair
 
@@ -31,7 +32,7 @@ Curve = str | tuple[float, ...]
 
 CURVES: dict[str, tuple[float, ...]] = {
     "cubic": (0.0,),
-    "quintic": (0.60, 0.20),
+    "quintic": (0.64, 0.28),
     "low-peak": (0.76, 0.38),
     "septic": (0.80, 0.60, 0.25),
 }
@@ -165,10 +166,9 @@ def plan_corners(
             f"segments {k} and {k + 1} meet in a corner of {math.degrees(turn[k]):.4g} degrees",
             remedy="give remaining_distance or tolerance",
         )
-    given = np.zeros((count, 2)) if remaining_distance is None else _per_corner(
-        "remaining_distance", remaining_distance, count, pairs=True
-    )  # fmt: skip
-    straight = smooth & (np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0) * lengths.min() <= 1e-9)
+    most = np.full((count, 2), np.inf)
+    if remaining_distance is not None:
+        most = _per_corner("remaining_distance", remaining_distance, count, pairs=True)
     if tolerance is not None:
         miss = _per_corner("tolerance", tolerance, count)
         if (miss[~smooth] <= 0.0).any():
@@ -176,22 +176,25 @@ def plan_corners(
         if curve == LEAST_TIME:
             from armtempo.planners._blend_least_time import least_time_shares
 
-            shares, degree = least_time_shares(kind, shape, lengths, miss, smooth, limits)
+            room = 0.5 * lengths  # two blends share an inner segment
+            room[0], room[-1] = lengths[0], lengths[-1]
+            most = np.minimum(most, np.stack([room[:-1], room[1:]], axis=1))
+            shares, degree = least_time_shares(kind, shape, lengths, miss, most.min(axis=1), smooth, limits)
         else:
             shares, degree = curve_shares(curve, shape_factor, count)
         reach = np.zeros(count)
-        kernels.corner_distances(kind, shape, lengths, shares, degree, np.where(smooth, 0.0, miss), reach)
-        if not np.isfinite(reach[~smooth]).all():
+        kernels.corner_distances(kind, shape, lengths, shares, degree, miss, smooth, reach)
+        if not (reach <= 1e10 * miss).all():
             raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
-        reach[smooth] = 0.0
-        both = np.repeat(reach[:, None], 2, axis=1)
-        remaining = both if remaining_distance is None else np.minimum(both, given)
+        remaining = np.minimum(reach[:, None], most)
     elif curve == LEAST_TIME:
         raise InputError("curve 'least-time' needs a tolerance", remedy="give tolerance, in metres, and limits")
     else:
         shares, degree = curve_shares(curve, shape_factor, count)
-        remaining = np.where(straight[:, None], 0.0, given)
+        straight = smooth & (np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0) * lengths.min() <= 1e-9)
+        remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
     _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
+    remaining[(remaining <= 0.0).any(axis=1)] = 0.0
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
     return Corners(remaining, shares, degree, coefficients, deviation, turn)
@@ -219,7 +222,7 @@ def _turns(before: Array, after: Array, station: Array) -> Array:
             station=float(station[k]),
             segments=(k, k + 1),
         )
-    return turn
+    return np.asarray(turn)
 
 
 def _check_reach(

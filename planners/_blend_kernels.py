@@ -84,7 +84,7 @@ def curve_speed(shape: Array, degree: int, u: float) -> float:
     x = y = z = 0.0
     for k in range(degree, 0, -1):
         x, y, z = x * u + k * shape[k, 0], y * u + k * shape[k, 1], z * u + k * shape[k, 2]
-    return np.sqrt(x * x + y * y + z * z)
+    return float(np.sqrt(x * x + y * y + z * z))
 
 
 @njit
@@ -155,6 +155,14 @@ def piece_point(kind: int, shape: Array, x: float, out: Array) -> None:
 
 
 @njit
+def _weighted(weights: Array, row: int, speeds: Array) -> float:
+    total = 0.0
+    for g in range(16):
+        total += weights[row, g] * speeds[g]
+    return total
+
+
+@njit
 def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, most: float) -> float:
     """Fit u(s) on the panel [u, u + h] into ``inverse`` (14,).
 
@@ -163,12 +171,12 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
     speeds = np.empty(16)
     for g in range(16):
         speeds[g] = curve_speed(shape, degree, u + h * GAUSS_U[g])
-    size = h * np.dot(PAIR_WEIGHTS[NODES - 1], speeds)
+    size = h * _weighted(PAIR_WEIGHTS, NODES - 1, speeds)
     scale = 2.0 * h / size
     t, c = np.empty(NODES), np.empty(NODES)
     for k in range(NODES):
         j = PAIR_ORDER[k]
-        t[k] = 1.0 if j == NODES - 1 else scale * np.dot(PAIR_WEIGHTS[j], speeds) - 1.0
+        t[k] = 1.0 if j == NODES - 1 else scale * _weighted(PAIR_WEIGHTS, j, speeds) - 1.0
         c[k] = PAIR_U[j]
     for k in range(1, NODES):  # Newton's divided differences
         for j in range(NODES - 1, k - 1, -1):
@@ -180,7 +188,7 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
         inverse[0] = c[k] - t[k] * inverse[0]
     worst = 0.0
     for j in range(CHECK_U.shape[0]):
-        at = scale * np.dot(CHECK_WEIGHTS[j], speeds) - 1.0
+        at = scale * _weighted(CHECK_WEIGHTS, j, speeds) - 1.0
         value = 0.0
         for k in range(NODES - 1, -1, -1):
             value = value * at + inverse[k]
@@ -188,7 +196,7 @@ def _fit_panel(shape: Array, degree: int, u: float, h: float, inverse: Array, mo
     for k in range(NODES):
         inverse[k] *= h
     inverse[0] += u
-    return size if worst * size <= most else -size
+    return float(size if worst * size <= most else -size)
 
 
 @njit
@@ -247,7 +255,7 @@ def curve_parameter(packed: PackedPath, k: int, s: float) -> float:
     u = packed.inverse[low, NODES - 1]
     for j in range(NODES - 2, -1, -1):
         u = u * x + packed.inverse[low, j]
-    return min(max(u, 0.0), 1.0)
+    return float(min(max(u, 0.0), 1.0))
 
 
 @njit
@@ -268,8 +276,8 @@ def _point(packed: PackedPath, s: float, before: bool, out: Array) -> None:
     k = find_piece(packed.breakpoints, s, before)
     x = min(max(s, packed.breakpoints[0]), packed.breakpoints[k + 1]) - packed.breakpoints[k]
     kind = packed.kind[k]
-    if kind > ARC:
-        x = curve_parameter(packed, k, x)
+    if kind > ARC:  # at its end exactly u = 1, whatever the rounding of lengths far down the path
+        x = 1.0 if s >= packed.breakpoints[k + 1] else curve_parameter(packed, k, x)
     piece_point(kind, packed.shape[k], x, out)
 
 
@@ -369,7 +377,7 @@ def curve_distance(shape: Array, degree: int, vertex: Array) -> float:
             break
         u = step
     curve_position(shape, degree, u, out[0])
-    return np.sqrt(np.sum((out[0] - vertex) ** 2))
+    return float(np.sqrt(np.sum((out[0] - vertex) ** 2)))
 
 
 @njit
@@ -394,17 +402,22 @@ def remaining_for(
 ) -> float:
     """The remaining distance, the same at both ends, at which a blend passes the vertex at ``tolerance`` [m].
 
-    Blends of two lines are similar: closed form. With an arc: regula falsi (Illinois) on [0, most]; more than ``most``
-    is returned where that is not enough.
+    Blends of two lines are similar: closed form. With an arc: the smallest by stepping out, then regula falsi
+    (Illinois); more than ``most`` is returned where that is not enough.
     """
     points, shape = np.empty((8, 3)), np.empty((8, 3))
-    high = most
-    at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
     if kind[0] == LINE and kind[1] == LINE:
-        return high * tolerance / (at_high + tolerance)
-    if at_high < 0.0:
-        return 2.0 * most
+        unit = corner_blend(kind, segment, length, np.array([most, most]), shares, degree, points, shape) / most
+        return tolerance / unit
     low, at_low = 0.0, -tolerance
+    high = min(tolerance, most)  # the curve is nowhere farther from the vertex than its ends
+    at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
+    while at_high < 0.0:
+        if high >= most:
+            return 2.0 * most
+        low, at_low = high, at_high
+        high = min(1.5 * high, most)
+        at_high = corner_blend(kind, segment, length, np.array([high, high]), shares, degree, points, shape) - tolerance
     x, side = high, 0
     for _ in range(200):
         x = (low * at_high - high * at_low) / (at_high - at_low)
@@ -426,14 +439,20 @@ def remaining_for(
 
 @njit
 def corner_distances(
-    kind: Ints, shape: Array, lengths: Array, shares: Array, degree: Ints, tolerance: Array, out: Array
+    kind: Ints,
+    shape: Array,
+    lengths: Array,
+    shares: Array,
+    degree: Ints,
+    tolerance: Array,
+    skip: NDArray[np.bool_],
+    out: Array,
 ) -> None:
-    """``remaining_for`` at every corner, (n - 1,), into ``out`` (n - 1,); no limit for lines."""
+    """``remaining_for`` at all corners (C,) but those to ``skip`` (C,), into ``out`` (C,); no limit for lines."""
     for k in range(out.shape[0]):
-        most = min(lengths[k], lengths[k + 1])
-        out[k] = remaining_for(
-            kind[k : k + 2], shape[k : k + 2], lengths[k], shares[k], degree[k], tolerance[k], most
-        )  # fmt: skip
+        if not skip[k]:
+            corner = (kind[k : k + 2], shape[k : k + 2], lengths[k])
+            out[k] = remaining_for(*corner, shares[k], degree[k], tolerance[k], min(lengths[k], lengths[k + 1]))
 
 
 @njit

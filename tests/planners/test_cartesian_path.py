@@ -70,6 +70,43 @@ def test_arcs_anywhere_in_space_have_true_derivatives(
     np.testing.assert_allclose(arc.evaluate(arc.length)[0], arc.end, atol=1e-9)
 
 
+@given(point, point, point)
+def test_an_arc_through_three_points_passes_them_in_order(start: Floats, via: Floats, end: Floats) -> None:
+    try:
+        arc = Arc.through(start, via, end)
+    except PathError:
+        u, v = via - start, end - start
+        assert np.linalg.norm(np.cross(u, v)) < 1e-3 * np.linalg.norm(u) * np.linalg.norm(v) + 1e-8
+        return
+    s = np.linspace(0.0, arc.length, 20001)
+    nearest = int(np.argmin(np.linalg.norm(arc.evaluate(s)[0] - via, axis=1)))
+    assert 0 < nearest < 20000
+    np.testing.assert_allclose(arc.evaluate([0.0, arc.length])[0], [start, end], atol=1e-6)
+    assert abs(np.linalg.norm(via - arc.center) - arc.radius) < 1e-6 * max(arc.radius, 1.0)
+
+
+def test_the_papers_arc_is_a_shallow_vertical_one() -> None:
+    arc = Arc.through([0.3, 0.65, 0.0], [0.0, 0.65, 0.05], [-0.372, 0.65, 0.05])
+    assert arc.radius == pytest.approx(2.049458, abs=1e-6)
+    assert arc.length == pytest.approx(0.67693, abs=1e-5)
+    np.testing.assert_allclose(arc.center, [-0.186, 0.65, -1.991], atol=1e-9)
+    np.testing.assert_allclose(arc.evaluate(0.0)[1], [-0.9715, 0.0, 0.2371], atol=1e-4)
+
+
+def test_third_derivatives_and_parts() -> None:
+    path = rounded_corner()
+    s, h = np.array([0.1, 0.35, 0.4, 0.5]), 1e-6
+    _, tangent, bent, third = path.derivatives(s)
+    np.testing.assert_allclose(third, (path.evaluate(s + h)[2] - path.evaluate(s - h)[2]) / (2 * h), atol=1e-5)
+    np.testing.assert_allclose(third[1:3], -100.0 * tangent[1:3], atol=1e-9)
+    np.testing.assert_array_equal(bent, path.evaluate(s)[2])
+    for segment in path.segments:
+        assert isinstance(segment, Line | Arc)
+        part = segment.part(0.2 * segment.length, 0.7 * segment.length)
+        assert part.length == pytest.approx(0.5 * segment.length, abs=1e-15)
+        np.testing.assert_allclose(part.evaluate(0.01), segment.evaluate(0.2 * segment.length + 0.01), atol=1e-12)
+
+
 def rounded_corner() -> CartesianPath:
     return CartesianPath(
         [
@@ -126,6 +163,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "zero arc": (lambda: Arc(a(1, 0, 0), a(1, 0, 0), a(0, 0, 0)), "not determined|no length"),
     "zero normal": (lambda: Arc(a(1, 0, 0), a(-1, 0, 0), a(0, 0, 0), a(0, 0, 0)), "not determined"),
     "tilted normal": (lambda: Arc(a(1, 0, 0), a(0, 1, 0), a(0, 0, 0), a(0, 1, 1)), "perpendicular"),
+    "through a line": (lambda: Arc.through(a(0, 0, 0), a(1, 1, 0), a(3, 3, 0)), "lie on one line.*use a Line"),
+    "through twice": (lambda: Arc.through(a(0, 0, 0), a(1, 1, 0), a(0, 0, 0)), "are the same.*two arcs"),
     "empty": (lambda: CartesianPath([]), "at least one segment"),
     "gap": (
         lambda: CartesianPath([Line(a(0, 0, 0), a(1, 0, 0)), Line(a(1.1, 0, 0), a(2, 0, 0))]),

@@ -55,8 +55,10 @@ def random_path(seed: int) -> BlendedPath:
         points = np.concatenate([np.zeros((1, 3)), np.cumsum(rng.uniform(0.2, 0.7, (5, 1)) * steps, axis=0)])
         return BlendedPath.through(points, rng.uniform(0.03, 0.1, 4))
     line = Line([0.0, 0.0, 0.0], [*rng.uniform(0.2, 0.5, 2), 0.1])
-    arc = Arc.through(line.end, line.end + rng.uniform(0.1, 0.3, 3), line.end + [0.5, 0.0, *rng.uniform(-0.2, 0.2, 1)])
-    last = Line(arc.end, arc.end + [*rng.uniform(0.1, 0.3, 2), 0.2])
+    arc = Arc.through(
+        line.end, line.end + rng.uniform(0.1, 0.3, 3), line.end + np.array([0.5, 0.0, rng.uniform(-0.2, 0.2)])
+    )
+    last = Line(arc.end, arc.end + np.array([*rng.uniform(0.1, 0.3, 2), 0.2]))
     return BlendedPath([line, arc, last], rng.uniform(0.05, 0.09), curve="quintic")
 
 
