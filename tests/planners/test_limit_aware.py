@@ -35,14 +35,14 @@ def test_a_straight_path_takes_what_ruckig_takes(length: float) -> None:
     assert profile.certificate.end_error < 1e-12
 
 
-@pytest.mark.parametrize(("normal", "jerk"), [(0.3, 200.0), (5.0, 0.4), (5.0, 200.0)])
-def test_steady_speed_on_a_circle(normal: float, jerk: float) -> None:
+@pytest.mark.parametrize("normal", [0.1, 0.3, 5.0])
+def test_steady_speed_on_a_circle(normal: float) -> None:
     half = Arc([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-    limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=jerk, normal_acceleration=normal)
+    limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0, normal_acceleration=normal)
     profile = aware(BlendedPath([QUARTER, half]), limits)
-    steady = min(1.0, normal**0.5, jerk ** (1.0 / 3.0))  # v, v^2 / R, v^3 / R^2
+    steady = min(1.0, normal**0.5)
     speed = profile.at(0.5 * profile.duration)[1]
-    assert 0.98 * steady <= speed <= steady * (1.0 + 1e-6)
+    assert 0.985 * steady <= speed <= steady * (1.0 + 1e-6)
 
 
 def random_path(seed: int) -> BlendedPath:
