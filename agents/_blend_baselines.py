@@ -53,12 +53,15 @@ class ConstantRate:
 
     def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
         """That override."""
+        return to_action(self.rate_of(env.simulation.cell))
+
+    def rate_of(self, cell: BlendCell) -> float:
+        """That override in a cell."""
         if self.rate is not None:
-            return to_action(self.rate)
-        cell = env.simulation.cell
+            return self.rate
         if self._found is None or self._found[0] is not cell:
             self._found = cell, highest_rate(cell)
-        return to_action(self._found[1])
+        return self._found[1]
 
 
 @final
@@ -177,9 +180,8 @@ def highest_rate(cell: BlendCell) -> float:
     return low
 
 
-def planning_time(cell: BlendCell, baseline: BlendBaseline) -> tuple[float, float]:
-    """Plan afresh what a baseline needs: duration of its profile, and the seconds that this took."""
+def planning_time(cell: BlendCell, baseline: BlendBaseline) -> float:
+    """Seconds to blend the given path afresh, to find the joints along it and to plan a baseline's profile."""
     began = time.perf_counter()
-    fresh = cell.variant(curve=baseline.curve)
-    duration = fresh.profile(baseline.profile).duration
-    return duration, time.perf_counter() - began
+    cell.variant(curve=baseline.curve).profile(baseline.profile)
+    return time.perf_counter() - began

@@ -135,6 +135,7 @@ def evaluate(
     seed: int = 0,
     physics: Physics = "bullet",
     family: FamilyName = "given",
+    model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
 ) -> BlendEvaluation: ...
 def evaluate(
@@ -147,6 +148,7 @@ def evaluate(
     mode: Mode = "speed",
     master_late_s: float = 0.0,
     family: FamilyName = "given",
+    model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
 ) -> Evaluation | BlendEvaluation:
     """Run every policy for some episodes.
@@ -160,6 +162,7 @@ def evaluate(
         mode: ``speed`` or ``acceleration``.
         master_late_s: How long the first arm stands at its start [s].
         family: Of the paths of a blend cell.
+        model_error: In a blend cell: the simulated bodies are heavier by this share than the controller believes.
         on_episode: Called with policy and episode number after each, for progress bars.
 
     Raises:
@@ -170,10 +173,17 @@ def evaluate(
         if mode != "speed" or master_late_s:
             raise InputError("mode and master_late_s are for cells of several arms", remedy="leave them out")
         return evaluate_blend(
-            cell, policies, episodes=episodes, seed=seed, physics=physics, family=family, on_episode=on_episode
+            cell,
+            policies,
+            episodes=episodes,
+            seed=seed,
+            physics=physics,
+            family=family,
+            model_error=model_error,
+            on_episode=on_episode,
         )
-    if family != "given":
-        raise InputError("family is for blend cells", remedy="leave it out")
+    if family != "given" or model_error:
+        raise InputError("family and model_error are for blend cells", remedy="leave them out")
     chosen = POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
     for name in chosen:
         if name not in POLICIES:

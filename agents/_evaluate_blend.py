@@ -14,9 +14,9 @@ from armtempo.agents._blend_baselines import (
     BLEND_POLICIES,
     BlendBaseline,
     BlendPolicy,
+    ConstantRate,
     MotionDemand,
     blend_baseline,
-    highest_rate,
     motion_demand,
     planning_time,
 )
@@ -35,7 +35,7 @@ class BlendPolicyResult:
     Speed errors are those of the tip against its reference, tick by tick, in the blends alone.
 
     Attributes:
-        plan_duration_s: Duration of its plan on the cell's own path [s]; None for policies without one.
+        plan_duration_s: Mean duration of its plan [s]; None for policies without one.
         duration_s: Mean instant of arrival [s].
         blend_speed_min_m_s: Lowest line speed of the reference in a blend [m/s].
         arc_speed_error_max_m_s: Largest error of the speed along the path [m/s]; rms likewise.
@@ -83,6 +83,7 @@ class BlendEvaluation:
         cell: The cell.
         physics: ``bullet`` or ``ideal``.
         family: Of the paths.
+        model_error: By which share the simulated bodies are heavier than the controller believes.
         episodes: Episodes per policy.
         seed: Seed of the first episode.
         results: By policy.
@@ -91,6 +92,7 @@ class BlendEvaluation:
     cell: BlendCell
     physics: Physics
     family: FamilyName
+    model_error: float
     episodes: int
     seed: int
     results: dict[str, BlendPolicyResult]
@@ -102,6 +104,7 @@ class BlendEvaluation:
             "cell": self.cell.name,
             "physics": self.physics,
             "family": self.family,
+            "model_error": self.model_error,
             "episodes": self.episodes,
             "seed": self.seed,
             "length_m": self.cell.blended.length,
@@ -137,6 +140,7 @@ def evaluate_blend(
     seed: int = 0,
     physics: Physics = "bullet",
     family: FamilyName = "given",
+    model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
 ) -> BlendEvaluation:
     """Run every policy for some episodes.
@@ -148,6 +152,7 @@ def evaluate_blend(
         seed: Seed of the first episode; the following ones count up, and every policy meets the same paths.
         physics: ``bullet`` or ``ideal``.
         family: Paths: the ``given`` one, or drawn by seed.
+        model_error: By which share the simulated bodies are heavier than the controller believes.
         on_episode: Called with policy and episode number after each, for progress bars.
 
     Raises:
@@ -163,13 +168,27 @@ def evaluate_blend(
     for name in chosen:
         baseline = blend_baseline(name)
         env = BlendTrackingEnv(
-            cell, profile=baseline.profile, mapping=baseline.mapping, family=family, physics=physics, record=True
+            cell,
+            profile=baseline.profile,
+            mapping=baseline.mapping,
+            family=family,
+            physics=physics,
+            model_error=model_error,
+            record=True,
         )
         try:
             results[name] = _evaluate_one(env, name, baseline, episodes, seed, on_episode)
         finally:
             env.close()
-    return BlendEvaluation(cell=cell, physics=physics, family=family, episodes=episodes, seed=seed, results=results)
+    return BlendEvaluation(
+        cell=cell,
+        physics=physics,
+        family=family,
+        model_error=model_error,
+        episodes=episodes,
+        seed=seed,
+        results=results,
+    )
 
 
 def _evaluate_one(
@@ -180,16 +199,16 @@ def _evaluate_one(
     seed: int,
     on_episode: Callable[[str, int], None] | None,
 ) -> BlendPolicyResult:
-    plan, planning = planning_time(env.cell, baseline)
-    if name == "constant":
-        rate = highest_rate(env.cell)
-        plan = plan / rate if rate > 0.0 else math.inf
+    planning = planning_time(env.cell, baseline)
     policy = baseline.make()
-    traces, rewards = [], []
+    traces, rewards, plans = [], [], []
     for episode in range(episodes):
         trace, reward = run_blend_episode(env, policy, seed + episode, {"curve": baseline.curve})
         traces.append(trace)
         rewards.append(reward)
+        if isinstance(policy, ConstantRate):
+            rate = policy.rate_of(trace.cell)
+            plans.append(env.reference_time / rate if rate > 0.0 else math.inf)
         if on_episode is not None:
             on_episode(name, episode)
     arrivals = [trace.arrival for trace in traces if math.isfinite(trace.arrival)]
@@ -199,7 +218,7 @@ def _evaluate_one(
     contour = np.concatenate([trace.contour_error for trace in traces])
     slowest = [float(trace.v[in_blends(trace)].min()) for trace in traces if in_blends(trace).any()]
     return BlendPolicyResult(
-        plan_duration_s=plan if name != "random" and math.isfinite(plan) else None,
+        plan_duration_s=float(np.mean(plans)) if plans and math.isfinite(max(plans)) else None,
         duration_s=float(np.mean(arrivals)) if arrivals else None,
         blend_speed_min_m_s=min(slowest, default=None),
         arc_speed_error_max_m_s=_largest(arc),
@@ -248,7 +267,5 @@ def speed_errors(trace: BlendTrace) -> tuple[Array, Array]:
 
 
 def reference_demand(trace: BlendTrace) -> MotionDemand:
-    """What the reference asks for at the ticks; its jerk is the mean over each."""
-    tick = float(trace.time[1] - trace.time[0])
-    jerk = np.diff(trace.a, append=trace.a[-1]) / tick
-    return motion_demand(trace.cell, trace.s, trace.v, trace.a, jerk)
+    """What the reference asks for at the ticks."""
+    return motion_demand(trace.cell, trace.s, trace.v, trace.a, trace.j)

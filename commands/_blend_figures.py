@@ -22,18 +22,16 @@ Array = NDArray[np.float64]
 
 SAMPLES = 2000
 LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
-SMALLEST_ERROR = 1e-9  # [mm] contour errors below are drawn there
+BLEND = "#E69F00"
+SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 
 
 def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
-    one_path = evaluation.family == "given"
-    figures = {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
-    if one_path:
-        figures = {"path": blended_path(evaluation.cell, traces), **figures}
-    figures |= {f"torque_{name}": torques(name, trace) for name, trace in traces.items() if name != "random"}
-    return figures
+    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.family == "given" else {}
+    figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
+    return {**figures, "torque": torques(traces)}
 
 
 def _line(name: str) -> dict[str, Any]:
@@ -44,6 +42,11 @@ def _line(name: str) -> dict[str, Any]:
         "linestyle": (0, (1, 1.4)) if random else "-",
         "zorder": 2.5 if random else 4.0,
     }
+
+
+def _purposeful(traces: Mapping[str, BlendTrace]) -> dict[str, BlendTrace]:
+    """All but ``random``, which would hide the rest; unless it is alone."""
+    return {name: trace for name, trace in traces.items() if name != "random"} or dict(traces)
 
 
 def _legend(figure: Figure, names: Mapping[str, object], *more: Line2D) -> None:
@@ -66,8 +69,8 @@ def _shade(axes: Axes, cell: BlendCell) -> None:
 @styled
 def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
     """The path from above with its corners and the arm, and each policy's contour error along it."""
-    figure = new_figure(8.6, 4.3)
-    axes, errors = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    figure = new_figure(9.2, 4.4)
+    axes, errors = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     axes.set_title(f"Path from above, {cell.config.blend.curve} blends")
     axes.set_aspect("equal")
     for segment in cell.segments:
@@ -77,7 +80,7 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
     axes.plot(points[:, 0], points[:, 1], color=INK, linewidth=1.8, zorder=4.0)
     for low, high in _windows(cell):
         points = cell.blended.position(np.linspace(low, high, 200))
-        axes.plot(points[:, 0], points[:, 1], color="#D55E00", linewidth=2.6, zorder=5.0)
+        axes.plot(points[:, 0], points[:, 1], color=BLEND, linewidth=3.0, zorder=5.0)
     for station, alpha in ((0.0, 1.0), (cell.blended.length, 0.3)):
         q = cell.path.evaluate(station)[0]
         joints = np.vstack([cell.arm.link_poses(q)[:2, :2, 3], cell.arm.tip_pose(q)[:2, 3]])
@@ -98,7 +101,7 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
     errors.set_ylabel("contour error [mm]")
     handles = (
         Line2D([], [], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), label="given segments"),
-        Line2D([], [], color="#D55E00", linewidth=2.6, label="blend"),
+        Line2D([], [], color=BLEND, linewidth=3.0, label="blend"),
         Line2D([], [], label="allowed", **LIMIT),
     )
     _legend(figure, traces, *handles)
@@ -108,7 +111,7 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
 @styled
 def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
     """Speed of the tip over time, and its error against the reference."""
-    from armtempo.agents import speed_errors
+    from armtempo.agents import in_blends
 
     figure = new_figure(8.6, 4.8)
     speed, error = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
@@ -118,13 +121,8 @@ def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
         speed.plot(trace.time[1:], 1e3 * trace.line_speed[1:], **_line(name))
         if name == "random":
             continue
-        tick = float(trace.time[1])
-        wanted = np.diff(trace.s, prepend=0.0) / tick
-        inside = np.zeros(len(trace.s), dtype=bool)
-        inside[1:] = _inside(trace)[1:]
-        deviation = np.where(inside, trace.line_speed - wanted, np.nan)
-        error.plot(trace.time, 1e3 * deviation, **_line(name))
-        assert len(speed_errors(trace)[0]) == int(inside.sum())
+        wanted = np.diff(trace.s, prepend=0.0) / float(trace.time[1])
+        error.plot(trace.time, 1e3 * np.where(in_blends(trace), trace.line_speed - wanted, np.nan), **_line(name))
     error.axhline(0.0, color=FAINT, linewidth=0.8, zorder=1.0)
     speed.set_ylabel("speed [mm/s]")
     speed.set_ylim(bottom=0.0)
@@ -134,31 +132,23 @@ def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
     return figure
 
 
-def _inside(trace: BlendTrace) -> NDArray[np.bool_]:
-    from armtempo.agents import in_blends
-
-    return in_blends(trace)
-
-
 @styled
 def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
     """Acceleration of the reference along and across the path and its jerk as shares of their limits."""
     figure = new_figure(8.6, 6.2)
     along, across, jerk = figure.subplots(3, 1, sharex=True)
     most = [1.0, 1.0, 1.0]
+    traces = _purposeful(traces)
     for name, trace in traces.items():
         cell, limits = trace.cell, trace.cell.limits
-        tick = float(trace.time[1])
         _, d1, d2, d3 = cell.blended.derivatives(trace.s)
-        v, a = trace.v[:, None], trace.a[:, None]
-        j = np.diff(trace.a, append=trace.a[-1])[:, None] / tick
+        v, a, j = trace.v[:, None], trace.a[:, None], trace.j[:, None]
         vector = np.linalg.norm(d1 * j + 3.0 * d2 * v * a + d3 * v**3, axis=-1)
         normal = np.linalg.norm(d2, axis=-1) * trace.v**2
         shares = (np.abs(trace.a) / limits.acceleration, normal / limits.normal, vector / limits.jerk)
         for k, (axes, share) in enumerate(zip((along, across, jerk), shares, strict=True)):
             axes.plot(trace.time, share, **_line(name))
-            if name != "random":
-                most[k] = max(most[k], float(share.max()))
+            most[k] = max(most[k], float(share.max()))
     titles = ("Acceleration along the path", "Normal acceleration", "Jerk (of the whole vector)")
     for k, (axes, title) in enumerate(zip((along, across, jerk), titles, strict=True)):
         axes.axhline(1.0, **LIMIT)
@@ -171,18 +161,20 @@ def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
 
 
 @styled
-def torques(name: str, trace: BlendTrace) -> Figure:
+def torques(traces: Mapping[str, BlendTrace]) -> Figure:
     """Torque of every joint over time with its limits."""
-    arm = trace.cell.arm
-    figure = new_figure(8.6, 1.1 + 1.15 * arm.dof)
-    figure.suptitle(f"Torques: {name}", fontsize=10.5, weight="bold", x=0.01, ha="left")
+    shown = _purposeful(traces)
+    arm = next(iter(traces.values())).cell.arm
+    figure = new_figure(8.6, 1.1 + 1.25 * arm.dof)
     for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):
         limit = float(arm.torque_max[j])
         for sign in (-1.0, 1.0):
             axes.axhline(sign * limit, **LIMIT)
-        axes.step(trace.time[1:], trace.torque[1:, j], where="pre", color=policy_color(name), linewidth=1.6, zorder=4.0)
+        for name, trace in shown.items():
+            axes.step(trace.time[1:], trace.torque[1:, j], where="pre", **_line(name))
         axes.set_ylim(-1.2 * limit, 1.2 * limit)
-        axes.set_ylabel("[N]" if arm.model.prismatic[j] else "[N m]")
-        note(axes, 0.01, 0.86, arm.joint_names[j], va="top", weight="bold")
+        axes.set_ylabel("force [N]" if arm.model.prismatic[j] else "torque [N m]")
+        note(axes, 0.995, 0.84, arm.joint_names[j], va="top", ha="right", weight="bold")
     axes.set_xlabel("time [s]")
+    _legend(figure, shown, Line2D([], [], label="limit", **LIMIT))
     return figure

@@ -37,6 +37,7 @@ def evaluate(
     mode: Literal["speed", "acceleration"] = "speed",
     master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
     family: Literal["given", "polyline", "zigzag", "line-arc"] = "given",
+    model_error: Annotated[float, tyro.conf.arg(metavar="SHARE")] = 0.0,
     json_file: JsonFile = None,
     out: OutFolder = None,
     figures: bool = True,
@@ -54,6 +55,7 @@ def evaluate(
         mode: What an action means: a share of the highest safe speed, or of the admissible accelerations.
         master_late: Seconds by which the first arm starts late, which the others do not know.
         family: Paths of a blend cell: the given one, or as many random ones as there are episodes.
+        model_error: In a blend cell: the simulated bodies are heavier by this share than the controller believes.
         json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
         figures: Draw pictures.
@@ -79,12 +81,13 @@ def evaluate(
         from armtempo.commands._evaluate_blend import evaluate_blend
 
         evaluate_blend(
-            built, tuple(dict.fromkeys(policies)), output, family=family, out=out, figures=figures,
+            built, tuple(dict.fromkeys(policies)), output, out=out, figures=figures, family=family,
             episodes=episodes, seed=seed, physics=physics, mode=mode, master_late_s=master_late,
+            model_error=model_error,
         )  # fmt: skip
         return
-    if family != "given":
-        raise ArmtempoError("--family is for blend cells", remedy="leave it out")
+    if family != "given" or model_error:
+        raise ArmtempoError("--family and --model-error are for blend cells", remedy="leave them out")
     chosen = tuple(dict.fromkeys(policies)) or None
     with output.progress("Simulating", len(chosen or agents.POLICIES) * episodes) as (progress, task):
 

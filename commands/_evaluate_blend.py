@@ -49,25 +49,28 @@ def evaluate_blend(
 def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
     cell, limits = evaluation.cell, evaluation.cell.limits
     paths = "" if evaluation.family == "given" else f"; {evaluation.episodes} random paths ({evaluation.family})"
+    if evaluation.model_error:
+        paths += f"; bodies {100.0 * evaluation.model_error:+g} % in mass"
     table = new_table(
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{paths})",
-        f"line speed {limits.speed:g} m/s; limits: along the path {limits.acceleration:.4g}, across "
-        f"{limits.normal:.4g} m/s^2, jerk {limits.jerk:g} m/s^3; speed errors inside the blends, largest / rms",
+        f"line speed {limits.speed:g} m/s, slowest and errors (along the path, from point to point) inside the blends; "
+        f"shares of limits: normal acceleration {limits.normal:.4g} m/s^2, jerk {limits.jerk:g} m/s^3, joint torques",
     )
     table.add_column("policy", no_wrap=True)
     for head in (
         "plan\n\\[s]",
         "simul.\n\\[s]",
         "slowest\n\\[mm/s]",
-        "speed error\nalong \\[mm/s]",
-        "point to\npoint \\[mm/s]",
-        "contour\nerr. \\[mm]",
-        "normal acc.\n\\[x limit]",
-        "jerk\n\\[x limit]",
-        "torque\n\\[x limit]",
+        "arc err.\n\\[mm/s]",
+        "chord err.\n\\[mm/s]",
+        "contour\n\\[mm]",
+        "normal\n\\[x]",
+        "jerk\n\\[x]",
+        "torque\n\\[x]",
         "reward",
         "done",
+        "left",
     ):
         table.add_column(head, justify="right")
 
@@ -80,24 +83,25 @@ def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
             number(r.plan_duration_s, 3),
             number(r.duration_s, 3),
             number(r.blend_speed_min_m_s, 0, 1e3),
-            f"{_error(r.arc_speed_error_max_m_s)} / {_error(r.arc_speed_error_rms_m_s)}",
-            f"{_error(r.chord_speed_error_max_m_s)} / {_error(r.chord_speed_error_rms_m_s)}",
+            _error(r.arc_speed_error_max_m_s),
+            _error(r.chord_speed_error_max_m_s),
             _error(r.contour_error_max_m),
             share(r.normal_acceleration_ratio_max),
             share(r.jerk_ratio_max),
             share(r.torque_demand_ratio_max),
             number(r.reward, 3),
-            f"{r.finished}/{evaluation.episodes}" + (f", [red]{r.left} left[/]" if r.left else ""),
+            f"{r.finished}/{evaluation.episodes}",
+            f"[bold red]{r.left}[/]" if r.left else "0",
         )
     output.table(table)
     output.say(reading(evaluation))
 
 
 def _error(value: float | None) -> str:
-    """An error in thousandths of its unit; what is below a millionth is told as such."""
-    if value is not None and 0.0 < abs(value) < 5e-10:
-        return "<1e-6"
-    return number(value, 3 if value is None or value >= 5e-7 or value == 0.0 else 6, 1e3)
+    """An error in thousandths of its unit; what would be zero to three digits says how small it is."""
+    if value is None or value == 0.0 or value >= 5e-7:
+        return number(value, 3, 1e3)
+    return f"{1e3 * value:.0e}" if value >= 1e-10 else "<1e-7"
 
 
 def reading(evaluation: BlendEvaluation) -> str:
@@ -112,7 +116,7 @@ def reading(evaluation: BlendEvaluation) -> str:
     keeping = {
         name: r
         for name, r in results.items()
-        if r.duration_s is not None
+        if r.finished == evaluation.episodes
         and max(r.normal_acceleration_ratio_max, r.jerk_ratio_max, r.torque_demand_ratio_max) <= OVER
     }
     if keeping:

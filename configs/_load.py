@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, BlendConfig, CellConfig, RobotConfig
+from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, CellConfig, RobotConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
 _DATA = Path(__file__).parent
@@ -146,11 +146,8 @@ def change_blend(config: BlendCellConfig, **changes: Any) -> BlendCellConfig:
     kept = config.blend.model_dump(exclude_none=True)
     if "remaining_distance_m" in given or "tolerance_m" in given:
         kept = {key: value for key, value in kept.items() if key not in ("remaining_distance_m", "tolerance_m")}
-    try:
-        blend = BlendConfig.model_validate({**kept, **given})
-    except ValidationError as error:
-        raise _config_error(config.source, error, BlendConfig) from None
-    return config.model_copy(update={"blend": blend})
+    data = config.model_dump(exclude_none=True) | {"blend": {**kept, **given}}
+    return parse_cell_config(data, config.source, BlendCellConfig)
 
 
 def resolve_file(config: AnyCellConfig, name: str) -> Path:

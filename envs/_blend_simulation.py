@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
 
+_COLUMNS = (
+    "time", "s", "v", "a", "j", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed",
+    "torque", "demand",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class BlendTrace:
@@ -39,7 +44,7 @@ class BlendTrace:
     Attributes:
         cell: Where it was; of another path or other corners where the episode had some of its own.
         time: (T+1,) [s].
-        s: (T+1,) length that the reference has travelled [m]; v, a: its speed [m/s] and acceleration [m/s^2].
+        s: (T+1,) length that the reference has travelled [m]; v, a, j: its speed [m/s], acceleration [m/s^2] and jerk.
         override: (T+1,) feed-rate override.
         q: (T+1, n) joint positions: measured, or of the reference without physics [rad, m].
         tip: (T+1, 3) where they put the tip [m].
@@ -58,6 +63,7 @@ class BlendTrace:
     s: Array
     v: Array
     a: Array
+    j: Array
     override: Array
     q: Array
     tip: Array
@@ -96,6 +102,7 @@ class BlendSimulation:
         cell: The arm on its path.
         physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
         record: Keep a trace.
+        model_error: The bodies in PyBullet are heavier by this share than the controller believes.
 
     Attributes:
         cell, profile: Of this episode.
@@ -108,9 +115,15 @@ class BlendSimulation:
         left: Whether the tip is out of the tube.
     """
 
-    def __init__(self, cell: BlendCell, *, physics: Physics = "bullet", record: bool = False) -> None:
+    def __init__(
+        self, cell: BlendCell, *, physics: Physics = "bullet", record: bool = False, model_error: float = 0.0
+    ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError("physics", str(physics), PHYSICS)
+        if not (math.isfinite(model_error) and model_error > -1.0):
+            raise InputError(
+                f"model_error must be a share above -1, got {model_error}", remedy="give 0.1 for bodies 10 % heavier"
+            )
         self.physics, self.record = physics, record
         n = cell.arm.dof
         self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
@@ -125,6 +138,8 @@ class BlendSimulation:
         self._scene: Scene | None = None
         if physics == "bullet":
             self._scene = Scene(cell)
+            if model_error:
+                self._scene.weigh(1.0 + model_error)
             pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
             pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=self._scene.client)
         self.reset(cell, "line-speed", "exact")
@@ -170,12 +185,12 @@ class BlendSimulation:
     @property
     def joint_speeds(self) -> Array:
         """(n,) joint speeds now."""
-        return self._qd[0].copy()
+        return np.array(self._qd[0])
 
     @property
     def demand(self) -> Array:
         """(n,) torques asked for in the last tick, before clipping."""
-        return self._demand[0].copy()
+        return np.array(self._demand[0])
 
     def joint_positions(self) -> Array:
         """(1, n) joint positions now."""
@@ -185,12 +200,12 @@ class BlendSimulation:
         """Run one control period with the feed rate asked for; stops at the first tick out of the tube."""
         self.feed.request(override)
         ticks = self._ticks_per_period
-        motion = np.empty((ticks, 4))
+        motion = np.empty((ticks, 5))
         sigma_at = np.empty(ticks)
         for k in range(ticks):
             done, sigma, rate = self.feed.done, self.feed.sigma, self.feed.override
             motion[k, :3] = self.feed.step(self._tick)
-            motion[k, 3] = self.feed.override
+            motion[k, 3:] = self.feed.jerk, self.feed.override
             if self.feed.done and not done:  # the rest of the way at the rate of now, inside the tick
                 rest = (self.profile.duration - sigma) / rate if rate > 0.0 else self._tick
                 self._end = self.time + k * self._tick + min(rest, self._tick)
@@ -202,7 +217,7 @@ class BlendSimulation:
             self.s, self.v, self.a = (float(x) for x in motion[k, :3])
             self._advance(joints[k])
             if self.record:
-                self._keep(float(motion[k, 3]))
+                self._keep(float(motion[k, 3]), float(motion[k, 4]))
             deviation += abs(self.tip_speed - full[k])
             error += self.contour_error
             if self.left:
@@ -256,10 +271,10 @@ class BlendSimulation:
         if self.time - self._settled_since >= SETTLED_TIME - 1e-9:
             self.arrival = max(self._end, self._settled_since)
 
-    def _keep(self, override: float = 1.0) -> None:
+    def _keep(self, jerk: float = 0.0, override: float = 1.0) -> None:
         self._rows.append(
             (
-                self.time, self.s, self.v, self.a, override, self._q[0].copy(), self.tip.copy(), self.station,
+                self.time, self.s, self.v, self.a, jerk, override, self._q[0].copy(), self.tip.copy(), self.station,
                 self.contour_error, self.tip_speed, self.arc_speed, self._torque[0].copy(), self._demand[0].copy(),
             )
         )  # fmt: skip
@@ -273,10 +288,9 @@ class BlendSimulation:
         if not self.record:
             raise InputError("this environment keeps no trace", remedy="make it with record=True")
         columns = [np.array(column) for column in zip(*self._rows, strict=True)]
-        names = ("time", "s", "v", "a", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed")
         return BlendTrace(
             cell=self.cell,
-            **dict(zip((*names, "torque", "demand"), columns, strict=True)),
+            **dict(zip(_COLUMNS, columns, strict=True)),
             torque_max=self._torque_max.copy(),
             arrival=self.arrival,
             left=self.left,

@@ -56,6 +56,8 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         mapping: From travelled length to the path: ``exact``, or the ``paper``'s predictor-corrector.
         family: ``given`` path, or random ones: ``polyline``, ``zigzag``, ``line-arc``.
         physics: ``bullet`` or ``ideal`` (always on the reference).
+        model_error: The simulated bodies are heavier by this share than the controller believes (``bullet`` only).
+            0: it knows the arm exactly, and errors are those of the reference and of torques at their limits.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         max_episode_s: Time limit [s] instead of five durations.
         record: Keep a ``BlendTrace``.
@@ -74,6 +76,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         mapping: MappingName = "exact",
         family: FamilyName = "given",
         physics: Physics = "bullet",
+        model_error: float = 0.0,
         render_mode: str | None = None,
         max_episode_s: float | None = None,
         record: bool = False,
@@ -94,7 +97,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.family: FamilyName = family
         self.render_mode = render_mode
         self._max_episode = max_episode_s
-        self.simulation = BlendSimulation(self.cell, physics=physics, record=record)
+        self.simulation = BlendSimulation(self.cell, physics=physics, record=record, model_error=model_error)
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None

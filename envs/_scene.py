@@ -98,6 +98,16 @@ class Scene:
                     damping = float(arm.damping[k])
                     pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=client)
 
+    def weigh(self, factor: float) -> None:
+        """Make every body of the arms so many times as heavy as its file says, inertia and all."""
+        for body in self.bodies:
+            for link in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
+                mass, _, inertia = pybullet.getDynamicsInfo(body, link, physicsClientId=self.client)[:3]
+                pybullet.changeDynamics(
+                    body, link, mass=factor * mass, localInertiaDiagonal=[factor * value for value in inertia],
+                    physicsClientId=self.client,
+                )  # fmt: skip
+
     def place(self, q: Array) -> None:
         """Put every arm at rest at ``q`` (A, n)."""
         for body, joints, row in zip(self.bodies, self.joints, q.tolist(), strict=True):

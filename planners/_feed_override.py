@@ -20,9 +20,11 @@ from armtempo.robots import njit
 
 START, PAST, LASTS, POWERS, WANTED = 0, 1, 2, 3, 9  # of a warp: sigma at, and time since its start, duration, f
 COARSE = 16  # samples of a whole transition, to refuse most of them early
-FINE = 7  # samples of every piece of the profile, at least
+FINE = 4  # samples of every piece of the profile, at least
+ROUNDING = 1e-14
 RESERVE = 2e-3  # of a limit, for what lies between samples; where the profile itself asks for more, that holds
-SHORTEST, GROWTH, DURATIONS = 0.02, 1.25, 40  # durations tried, the first as a share of the ramp to line speed
+SHORTEST, GROWTH, DURATIONS = 0.02, 1.25, 24  # durations tried, the first as a share of the ramp to line speed
+SHARES = 6  # of the way to the override wanted: all, a half, a quarter..
 
 
 class FeedOverride:
@@ -77,7 +79,8 @@ class FeedOverride:
         """Turn to another override [0, 1] as fast as the limits allow, from now on.
 
         Returns:
-            False if no transition that starts now keeps the limits: the motion goes on as it was; ask again.
+            False if no transition that starts now gets there within the limits: the motion goes on as it was, or turns
+            to an override in between; ask again.
 
         Raises:
             InputError: Not a number in [0, 1].
@@ -162,12 +165,12 @@ def ratio(
     j = j0 * f**3 + 3.0 * a0 * f * first + v0 * second
     worst = max(v / limits[0], abs(a) / limits[1])
     if packed is None:
-        return max(worst, abs(j) / limits[2])
+        return float(max(worst, abs(j) / limits[2]))
     normal, jerk = 0.0, 0.0
     for k in range(3):
         normal += point[2, k] ** 2
         jerk += (point[1, k] * j + 3.0 * point[2, k] * v * a + point[3, k] * v**3) ** 2
-    return max(worst, math.sqrt(normal) * v**2 / limits[3], math.sqrt(jerk) / limits[2])
+    return float(max(worst, math.sqrt(normal) * v**2 / limits[3], math.sqrt(jerk) / limits[2]))
 
 
 @njit
@@ -192,12 +195,9 @@ def clean(
 ) -> bool:  # fmt: skip
     """Whether a transition keeps the limits all the way, and its override stays in [0, 1]."""
     lasts, end = warp[LASTS], marks[len(marks) - 1]
-    low, high = 0.0, 1.0
-    for i in range(COARSE + 1):
-        x = i / COARSE
-        f = warp[POWERS] + x * (warp[4] + x * (warp[5] + x * (warp[6] + x * (warp[7] + x * warp[8]))))
-        low, high = min(low, f), max(high, f)
-    if low < -1e-12 or high > 1.0 + 1e-12:
+    second = warp[POWERS] + 0.2 * warp[4]  # of the quintic's six control values, its hull; the last three are the end
+    third = second + 0.2 * warp[4] + 0.1 * warp[5]
+    if min(second, third) < -ROUNDING or max(second, third) > 1.0 + ROUNDING:
         return False
     for i in range(1, COARSE):
         t = lasts * i / COARSE
@@ -238,22 +238,25 @@ def turn(
     knots: Array, coefficients: Array, marks: Array, packed: PackedPath | None, limits: Array, warp: Array,
     wanted: float, shortest: float,
 ) -> bool:  # fmt: skip
-    """Put the shortest clean transition to ``wanted`` into ``warp``; False, and nothing changed, if there is none."""
+    """Put the shortest clean transition to ``wanted`` into ``warp``, or to some of the way; False if not to all."""
+    sigma, f, first, second = warped(warp, warp[PAST])
     if wanted == warp[WANTED]:  # on its way, or there
         return True
-    sigma, f, first, second = warped(warp, warp[PAST])
     point, trial = np.zeros((4, 3)), np.zeros(10)
-    trial[START], trial[WANTED] = sigma, wanted
-    lasts = shortest
-    for _ in range(DURATIONS):
-        way, slope, bend = wanted - f, first * lasts, second * lasts**2
-        trial[LASTS] = lasts
-        trial[POWERS], trial[4], trial[5] = f, slope, 0.5 * bend
-        trial[6] = 10.0 * way - 6.0 * slope - 1.5 * bend
-        trial[7] = -15.0 * way + 8.0 * slope + 1.5 * bend
-        trial[8] = 6.0 * way - 3.0 * slope - 0.5 * bend
-        if sigma >= knots[len(knots) - 1] or clean(knots, coefficients, marks, packed, limits, trial, point):
-            warp[:] = trial
-            return True
-        lasts *= GROWTH
+    trial[START] = sigma
+    over = sigma >= knots[len(knots) - 1]
+    for k in range(SHARES if warp[PAST] >= warp[LASTS] else 1):  # part of the way only from a constant override
+        target = wanted if k == 0 else f + (wanted - f) / 2.0**k
+        way, lasts = target - f, shortest
+        for _ in range(DURATIONS):
+            slope, bend = first * lasts, second * lasts**2
+            trial[LASTS], trial[WANTED] = lasts, target
+            trial[POWERS], trial[4], trial[5] = f, slope, 0.5 * bend
+            trial[6] = 10.0 * way - 6.0 * slope - 1.5 * bend
+            trial[7] = -15.0 * way + 8.0 * slope + 1.5 * bend
+            trial[8] = 6.0 * way - 3.0 * slope - 0.5 * bend
+            if over or clean(knots, coefficients, marks, packed, limits, trial, point):
+                warp[:] = trial
+                return k == 0
+            lasts *= GROWTH
     return False

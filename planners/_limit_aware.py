@@ -117,11 +117,10 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
     stations = [np.array([start, start + first])]
     for k, (low, high) in enumerate(pairwise(marks)):
         length = high - low
-        if bend[k].max() * length < CURVED:
-            from_end = np.minimum(s[k] - low, high - s[k])
-            spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
-        else:
-            spacing = 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean())
+        from_end = np.minimum(s[k] - low, high - s[k])
+        spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
+        if bend[k].max() * length > CURVED:
+            spacing = np.minimum(spacing, 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
         spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
         spacing = np.minimum(spacing, 0.35 * np.minimum(s[k] - start, end - s[k]))
         density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
@@ -250,7 +249,7 @@ class _Program:
 
     def round(self, reference: Array) -> Array:
         """The best x whose jerk keeps the tangents at ``reference`` (K, P)."""
-        import clarabel
+        from clarabel import clarabel  # type: ignore[attr-defined, unused-ignore]
         from scipy import sparse
 
         basis = self.basis

@@ -119,7 +119,8 @@ class PlanarPair:
         radius, angle, height = polar[..., 0, None], polar[..., 1, None], polar[..., 2, None]
         foot = self._origin - (self._origin @ self.axis) * self.axis
         in_plane: Array = radius * (np.cos(angle) * self._plane[0] + np.sin(angle) * self._plane[1])
-        return foot + in_plane + height * self.axis
+        points: Array = foot + in_plane + height * self.axis
+        return points
 
     def _check_reach(self) -> None:
         station, name, l1, l2 = self.station, self.arm.name, self._l1, self._l2

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from armtempo.configs import CellConfig, data_path
-from armtempo.planners import Cell, JointPath, build_cell, load_cell
+from armtempo.planners import BlendCell, Cell, JointPath, build_cell, load_cell
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -87,6 +87,12 @@ def joint_spline() -> Callable[[Floats], JointPath]:
 def lee1991() -> Cell:
     """The bundled cell of the 1991 paper; immutable, so built once."""
     return load_cell("lee1991")
+
+
+@pytest.fixture(scope="session")
+def lee2006() -> BlendCell:
+    """The bundled cell of the 2006 paper; immutable, so built once."""
+    return load_cell("lee2006", BlendCell)
 
 
 @pytest.fixture(scope="session")

@@ -149,6 +149,27 @@ def test_evaluate(physics: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert all(name in captured.out.replace("\n", " ") for name in pictures)
 
 
+def test_evaluate_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "lee2006", "--policies", "limit-aware-smooth", "line-speed"]
+    assert main([*line, "--json", "e.json"]) == 0
+    data = load("e.json")
+    assert list(data["policies"]) == line[3:]
+    assert data["policies"]["line-speed"]["duration_s"] == pytest.approx(1.869, abs=0.002)
+    out = capsys.readouterr().out
+    assert "limit-aware-smooth keeps all limits" in " ".join(out.split())
+    assert max(map(len, out.splitlines())) <= 118
+    assert {file.name for file in Path("results/lee2006").glob("*.png")} == {
+        "path.png",
+        "line_speed.png",
+        "accelerations.png",
+        "torque.png",
+    }
+    line = ["evaluate", "lee2006", "--policies", "random", "--family", "zigzag", "--model-error", "0.05"]
+    assert main([*line, "--physics", "ideal", "--no-figures", "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["family"], data["model_error"], list(data["policies"])) == ("zigzag", 0.05, ["random"])
+
+
 def test_evaluate_is_silent_but_for_json_on_stdout(capfd: pytest.CaptureFixture[str]) -> None:
     line = ["evaluate", "lee1991", "--policies", "delay", "--physics", "ideal", "--no-figures", "--master-late", "0.03"]
     assert main([*line, "--seed", "3", "--episodes", "2", "--json", "-"]) == 0
@@ -221,6 +242,18 @@ def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "planar_two_link" in out
     assert "40.0 mm" in out
+    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend"}
+
+
+def test_cells_shows_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cells", "lee2006", "--json", "cell.json"]) == 0
+    facts = load("cell.json")
+    assert [piece["kind"] for piece in facts["pieces"]] == ["line", "blend", "line", "blend", "arc"]
+    assert [piece["end_s"] for piece in facts["pieces"]] == pytest.approx(
+        [0.35, 0.6203, 0.9722, 1.2419, 1.8688], abs=1e-4
+    )
+    assert facts["continuity"] == [2, 2, 1, 1]
+    assert "The curvature jumps at 872.2, 1141.9 mm" in capsys.readouterr().out
 
 
 def test_files_of_ones_own_work(cell_file: Callable[..., str]) -> None:
@@ -254,6 +287,13 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee1991", "--episodes", "0"], ["--episodes", "at least 1"]),
         (["evaluate", "lee1991", "--seed", "-1"], ["--seed"]),
         (["evaluate", "lee1991", "--master-late", "nan"], ["--master-late"]),
+        (["evaluate", "lee2006", "--policies", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
+        (["evaluate", "lee2006", "--mode", "acceleration"], ["mode and master_late_s are for cells of several arms"]),
+        (["evaluate", "lee2006", "--model-error", "-2"], ["model_error must be a share above -1"]),
+        (["evaluate", "lee1991", "--family", "zigzag"], ["--family", "blend cells"]),
+        (["plan", "lee2006"], ["lee2006.yaml: kind: this is a blend cell, and a coordination cell is needed here"]),
+        (["plot", "lee2006"], ["this is a blend cell"]),
+        (["record", "lee2006"], ["this is a blend cell"]),
         (["reproduce", "lee1990"], ["unknown paper 'lee1990'", "lee1991"]),
         (["plot", "lee1991", "--method", "fast"], ["unknown method 'fast'", "known:"]),
         (["record", "lee1991", "--out", "film.avi"], ["film format '.avi'", ".mp4 or .gif"]),

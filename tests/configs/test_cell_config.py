@@ -13,9 +13,11 @@ from pydantic import ValidationError
 from armtempo.configs import (
     ArcConfig,
     ArmConfig,
+    BlendCellConfig,
     CellConfig,
     LineConfig,
     bundled_cells,
+    change_blend,
     data_path,
     load_cell_config,
     parse_cell_config,
@@ -489,3 +491,100 @@ def test_robots_of_pybullet_are_found_by_name(tmp_path: Path) -> None:
         assert robot_config(f"pybullet_data/{name}") is not None
     with pytest.raises(ConfigError, match=r"did you mean 'pybullet_data/franka_panda/panda.urdf'"):
         resolve_file(config, "pybullet_data/franka_panda/pana.urdf")
+
+
+def blend_cell() -> dict[str, Any]:
+    path = {"start_m": [0.7, 0, 0.05], "segments": [{"line": {"to_m": [0.3, 0, 0.05]}}]}
+    return {
+        "kind": "blend",
+        "name": "mine",
+        "arm": {"name": "a", "urdf": "scara_800.urdf", "elbow": "positive", "path": path},
+        "blend": {"remaining_distance_m": 0.1},
+        "line_speed": {"speed_m_s": 1, "acceleration_m_s2": 5, "jerk_m_s3": 200},
+    }
+
+
+def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
+    config = load_cell_config("lee2006", BlendCellConfig)
+    assert isinstance(load_cell_config("lee2006"), BlendCellConfig)  # whatever the file says
+    assert [segment.geometry.to_m for segment in config.arm.path.segments] == [
+        (0.3, 0.0, 0.05),
+        (0.3, 0.65, 0.0),
+        (-0.372, 0.65, 0.05),
+    ]
+    assert (config.blend.curve, config.blend.shape_factor, config.blend.remaining_distance_m) == ("cubic", 3.0, 0.15)
+    speed = config.line_speed
+    assert (speed.speed_m_s, speed.acceleration_m_s2, speed.jerk_m_s3) == (1.0, 5.0, 200.0)
+    assert speed.acceleration_reading == "mean"
+    assert (config.physics_tick_s, config.ticks_per_period) == (0.002, 10)
+
+
+@pytest.mark.parametrize(
+    ("edit", "key", "words"),
+    [
+        (top({"blend": {}}), "blend", "a blend needs exactly one of remaining_distance_m, tolerance_m; got none"),
+        (
+            top({"blend": {"remaining_distance_m": 0.1, "tolerance_m": 0.01}}),
+            "blend",
+            "a blend needs exactly one of remaining_distance_m, tolerance_m; got remaining_distance_m, tolerance_m",
+        ),
+        (top({"blend": {"radius_m": 0.1}}), "blend.radius_m", "unknown key (known: curve, shape_factor, remaining"),
+        (top({"blend": {"remaining_distance_m": 0.1, "curve": "nurbs"}}), "blend.curve", "must be 'cubic', 'quintic'"),
+        (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, arm, blend, line_speed"),
+        (drop("line_speed"), "line_speed", "missing (add it: Limits of the tip's motion)"),
+        (
+            top({"line_speed": {"speed_m_s": 0, "acceleration_m_s2": 5, "jerk_m_s3": 200}}),
+            "line_speed.speed_m_s",
+            "must be greater than 0, got 0 (Line speed [m/s])",
+        ),
+        (
+            top({"control_period_s": 0.0205}),
+            "control_period_s",
+            "must be a whole multiple of physics_tick_s = 0.001, got 20.5 ticks",
+        ),
+        (
+            lambda data: data["arm"].update(path={"waypoints_rad": [[0, 0, 0, 0], [1, 1, 0, 0]]}),
+            "arm",
+            "its path must be given by start_m and segments",
+        ),
+    ],
+)
+def test_blend_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:
+    data = blend_cell()
+    edit(data)
+    source = tmp_path / "mine.yaml"
+    with pytest.raises(ConfigError) as caught:
+        parse_cell_config(data, source)
+    assert str(caught.value).startswith(f"{source}: {key}: {words}"), str(caught.value)
+    assert caught.value.remedy
+
+
+def test_arcs_go_about_a_centre_or_through_a_point() -> None:
+    ArcConfig(to_m=(1, 1, 0), via_m=(0, 1, 0))
+    for wrong, words in (
+        ({}, "center_m: give it or via_m, one of them"),
+        ({"via_m": (0, 1, 0), "center_m": (0, 0, 0)}, "center_m: give it or via_m, not both"),
+        ({"via_m": (0, 1, 0), "turn": "cw"}, "turn: belongs to center_m"),
+    ):
+        with pytest.raises(ValidationError, match=words):
+            ArcConfig.model_validate({"to_m": (1, 1, 0), **wrong})
+
+
+def test_a_kind_that_is_asked_for_is_the_kind_that_comes(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"kind: this is a coordination cell, and a blend cell is needed here"):
+        load_cell_config("lee1991", BlendCellConfig)
+    with pytest.raises(ConfigError, match=r"kind: this is a blend cell, and a coordination cell is needed here"):
+        load_cell_config("lee2006", CellConfig)
+
+
+def test_corners_can_be_changed() -> None:
+    config = load_cell_config("lee2006", BlendCellConfig)
+    changed = change_blend(config, curve="quintic", tolerance_m=0.02, shape_factor=None)
+    assert (changed.blend.curve, changed.blend.tolerance_m, changed.blend.remaining_distance_m) == (
+        "quintic",
+        0.02,
+        None,
+    )
+    assert changed.source == config.source
+    with pytest.raises(ConfigError, match=r"lee2006.yaml: blend.shape_factor: must be greater than 0, got -1"):
+        change_blend(config, shape_factor=-1)

@@ -13,8 +13,16 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import api_test, parallel_api_test, render_test, seed_test
 
 import armtempo
-from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv, coordination_v0
-from armtempo.planners import Cell, Mode
+from armtempo.envs import (
+    MODES,
+    PHYSICS,
+    BlendTrackingEnv,
+    CoordinationEnv,
+    Physics,
+    YieldingEnv,
+    coordination_v0,
+)
+from armtempo.planners import BlendCell, Cell, Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
 BOTH = list(itertools.product(PHYSICS, MODES))
@@ -24,7 +32,7 @@ BOTH = list(itertools.product(PHYSICS, MODES))
 def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
     """The checkers open every declared render mode."""
     monkeypatch.delenv("DISPLAY", raising=False)
-    for env in (YieldingEnv, CoordinationEnv):
+    for env in (YieldingEnv, CoordinationEnv, BlendTrackingEnv):
         monkeypatch.setitem(env.metadata, "render_modes", ["rgb_array"])
 
 
@@ -49,6 +57,18 @@ def test_stable_baselines3_check_env(lee1991: Cell, physics: Physics, mode: Mode
 
     env = _checked_yielding(lee1991, physics, mode)
     sb3_check_env(env, warn=True)
+    env.close()
+
+
+@pytest.mark.parametrize("family", ["given", "line-arc"])
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_blend_tracking_passes_both_checkers(lee2006: BlendCell, physics: Physics, family: str) -> None:
+    from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+    env = gymnasium.make("armtempo/BlendTracking-v0", cell=lee2006, physics=physics, family=family)
+    assert env.spec is not None
+    check_env(env.unwrapped, skip_render_check=(physics, family) != ("bullet", "line-arc"))
+    sb3_check_env(env.unwrapped, warn=True)
     env.close()
 
 
@@ -91,6 +111,10 @@ def test_gymnasium_make_by_name_only() -> None:
     assert env.spec is not None
     assert json.loads(env.spec.to_json())["id"] == "armtempo/Yielding-v0"
     env.close()
+    blend = gymnasium.make("armtempo/BlendTracking-v0", physics="ideal", profile="limit-aware")
+    assert blend.spec is not None
+    assert json.loads(blend.spec.to_json())["id"] == "armtempo/BlendTracking-v0"
+    blend.close()
 
 
 def test_many_environments_in_one_vector(lee1991: Cell) -> None:
@@ -105,8 +129,12 @@ def test_many_environments_in_one_vector(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_close_twice(lee1991: Cell, physics: Physics) -> None:
-    for env in (YieldingEnv(lee1991, physics=physics), CoordinationEnv(lee1991, physics=physics)):
+def test_close_twice(lee1991: Cell, lee2006: BlendCell, physics: Physics) -> None:
+    for env in (
+        YieldingEnv(lee1991, physics=physics),
+        CoordinationEnv(lee1991, physics=physics),
+        BlendTrackingEnv(lee2006, physics=physics),
+    ):
         env.close()
         env.close()
         scene = env.simulation._scene

@@ -16,8 +16,8 @@ from armtempo.planners import Cell, Mode
 _SCRIPT = """
 import hashlib, sys
 import numpy as np
-from armtempo.envs import CoordinationEnv, YieldingEnv
-from armtempo.planners import load_cell
+from armtempo.envs import BlendTrackingEnv, CoordinationEnv, YieldingEnv
+from armtempo.planners import BlendCell, load_cell
 
 cell, digest = load_cell("lee1991"), hashlib.sha256()
 for physics in ("bullet", "ideal"):
@@ -43,6 +43,22 @@ for physics in ("bullet", "ideal"):
             over = rest[1] or rest[2]
             digest.update(observation.tobytes() + repr(rest).encode())
     env.close()
+    for profile, mapping in (("limit-aware", "exact"), ("line-speed", "paper")):
+        env = BlendTrackingEnv(
+            load_cell("lee2006", BlendCell), physics=physics, profile=profile, mapping=mapping, family="zigzag",
+            record=True,
+        )
+        for seed in (3, None):
+            observation, info = env.reset(seed=seed, options={"curve": "quintic"})
+            digest.update(observation.tobytes() + repr(info).encode())
+            over = False
+            while not over:
+                observation, *rest = env.step(random.uniform(-0.5, 1.0, 1).astype(np.float32))
+                over = rest[1] or rest[2]
+                digest.update(observation.tobytes() + repr(rest).encode())
+        for array in (env.trace.s, env.trace.q, env.trace.tip, env.trace.torque, env.trace.contour_error):
+            digest.update(array.tobytes())
+        env.close()
 sys.stdout.write(digest.hexdigest())
 """
 

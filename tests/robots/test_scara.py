@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from armtempo.configs import data_path
-from armtempo.planners import BlendCell, ScaraPath, load_cell
+from armtempo.planners import BlendCell, ScaraPath
 from armtempo.robots import Arm, Clearance
 
 URDF = data_path("robots/scara_800.urdf")
@@ -56,8 +56,8 @@ def test_pybullet_reads_the_same_arm(scara: Arm, client: int) -> None:
 
 
 @pytest.mark.parametrize("elbow", ["positive", "negative"])
-def test_its_drives_can_do_the_papers_run(elbow: str) -> None:
-    cell = load_cell("lee2006", BlendCell)
+def test_its_drives_can_do_the_papers_run(lee2006: BlendCell, elbow: str) -> None:
+    cell = lee2006
     profile = cell.line_speed
     s, v, a, _ = (row[:, None] for row in profile.at(np.linspace(0.0, profile.duration, 20001)))
     q, dq, ddq = ScaraPath(cell.arm, cell.blended, "positive" if elbow == "positive" else "negative").evaluate(s[:, 0])
