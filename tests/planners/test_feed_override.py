@@ -72,7 +72,7 @@ def test_any_requests_keep_the_limits_and_arrive(path: BlendedPath, aware: LineS
     feed = FeedOverride(aware if vector else plain, LIMITS, path if vector else None)
     taken: list[bool] = []
 
-    @settings(max_examples=12, deadline=None)
+    @settings(max_examples=25, deadline=None)
     @given(st.lists(st.tuples(st.integers(1, 400), st.sampled_from([0.0, 0.1, 0.5, 0.77, 1.0])), max_size=12))
     def run(requests: list[tuple[int, float]]) -> None:
         feed.reset()
