@@ -64,7 +64,8 @@ def reproduce(
 
     Args:
         paper: lee1991: "Near-Minimum Time Trajectory Planning of Two Robots with Collision Avoidance" (Lee, Chong, Suh,
-            Choi, Lyou 1991). lee2006: smoothly connected paths and their timing (Lee, Ryu, Cheong 2006).
+            Choi, Lyou 1991). lee2006: "Smoothly Connected Path Generation and Time-Scheduling Method for
+            Industrial Robot Applications" (Lee, Ryu, Cheong 2006).
         json_file: Write the same figures there as JSON: a list of quantity, unit, paper (null where the paper has no
             number), ours; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
