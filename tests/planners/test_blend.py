@@ -191,6 +191,17 @@ def test_least_time_is_not_slower_than_any_family(phi: float, tolerance: float) 
     assert far.deviation < 0.05
 
 
+def test_a_blend_that_keeps_the_line_speed_costs_what_its_length_saves() -> None:
+    made = blend(*corner(2.0), 0.5, curve="quintic")
+    slow = Limits(speed=0.1)
+    assert passing_cost(made, slow) == pytest.approx((made.length - 1.0) / 0.1, rel=1e-6)
+    peak = np.linalg.norm(made.evaluate(0.5 * made.length)[2])
+    tight = Limits(speed=0.1, normal_acceleration=0.5 * 0.1**2 * float(peak))  # half of what it would take
+    assert passing_cost(made, tight) > passing_cost(made, slow) + 0.01
+    with pytest.raises(InputError, match="positive"):
+        passing_cost(made, Limits(jerk=0.0))
+
+
 def square(**changes: object) -> Blend:
     arguments: dict[str, object] = {"remaining_distance": 0.1} | changes
     return blend(*corner(math.pi / 2), **arguments)  # type: ignore[arg-type]
