@@ -111,6 +111,9 @@ def _positions(packed: PackedPath, piece: Ints, u: Array, out: Array) -> None:
 @njit
 def _gauss_length(shape: Array, degree: int, low: float, high: float) -> float:
     """Arc length between two parameters: 16-point Gauss-Legendre, halved until the halves agree with the whole."""
+    rounding = 0.0  # of speeds: those of a very sharp corner are small differences of large numbers
+    for k in range(1, degree + 1):
+        rounding += 4e-16 * k * np.sqrt(np.sum(shape[k] ** 2))
     total, u, h = 0.0, low, high - low
     while u < high:
         h = min(h, high - u)
@@ -120,7 +123,7 @@ def _gauss_length(shape: Array, degree: int, low: float, high: float) -> float:
             whole += weight * kernels.curve_speed(shape, degree, u + h * node)
             left += 0.5 * weight * kernels.curve_speed(shape, degree, u + 0.5 * h * node)
             right += 0.5 * weight * kernels.curve_speed(shape, degree, u + 0.5 * h * (1.0 + node))
-        if abs(left + right - whole) > 1e-14 * (left + right) and h > kernels.SMALLEST_PANEL:
+        if abs(left + right - whole) > 1e-14 * (left + right) + rounding:
             h *= 0.5
             continue
         total += h * (left + right)

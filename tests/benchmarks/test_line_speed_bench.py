@@ -160,7 +160,13 @@ def direct_optimum(path: BlendedPath, limits: LineSpeedLimits, start: LineSpeedP
         "f": casadi.sum1(dt),
         "g": casadi.vertcat(speeds, lengths, *jerks),
     }
-    options = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-7, "ipopt.max_iter": 300}
+    options: dict[str, Any] = {
+        "print_time": 0,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": 1e-7,
+        "ipopt.max_iter": 300,
+    }
     solver: Any = casadi.nlpsol("optimum", "ipopt", problem, {**options, "ipopt.mu_strategy": "adaptive"})
     found = solver(
         x0=np.concatenate([v0, a0, dt0]),
@@ -220,7 +226,7 @@ def toppra_and_ruckig(path: BlendedPath, limits: LineSpeedLimits, every: float =
         toppra.constraint.JointAccelerationConstraint(pull(0.0)),
     ]
     solver = toppra.algorithm.TOPPRA(constraints, way, gridpoints=grid, parametrizer="ParametrizeConstAccel")
-    fast = solver.compute_trajectory(0.0, 0.0)
+    fast: Any = solver.compute_trajectory(0.0, 0.0)
     times = np.linspace(0.0, fast.duration, max(round(fast.duration / every), 2) + 1)
     states = [(float(fast(t)[0]), float(fast(t, 1)[0]), float(fast(t, 2)[0])) for t in times]
     states[0], states[-1] = (0.0, 0.0, 0.0), (path.length, 0.0, 0.0)

@@ -11,7 +11,11 @@ from armtempo.planners import Arc, BlendedPath, CartesianPath, Line, LineSpeedLi
 from armtempo.planners import limit_aware_profile as aware
 
 LIMITS = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0)
-QUARTER = Arc([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0])
+QUARTER = Arc(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3))
+
+
+def line(*points: list[float]) -> Line:
+    return Line(*(np.array(point) for point in points))
 
 
 def worst_ratio(path: BlendedPath, profile: LineSpeedProfile, limits: LineSpeedLimits) -> float:
@@ -29,7 +33,7 @@ def worst_ratio(path: BlendedPath, profile: LineSpeedProfile, limits: LineSpeedL
 
 @pytest.mark.parametrize("length", [1e-3, 0.05, 0.3, 2.0, 30.0])
 def test_a_straight_path_takes_what_ruckig_takes(length: float) -> None:
-    path = BlendedPath([Line([0.0, 0.0, 0.0], [length, 0.0, 0.0])])
+    path = BlendedPath([line([0.0, 0.0, 0.0], [length, 0.0, 0.0])])
     profile, fastest = aware(path, LIMITS), LineSpeedProfile.plan(length, LIMITS)
     assert fastest.duration * (1.0 - 1e-9) <= profile.duration <= 1.01 * fastest.duration
     assert profile.certificate.end_error < 1e-12
@@ -37,7 +41,7 @@ def test_a_straight_path_takes_what_ruckig_takes(length: float) -> None:
 
 @pytest.mark.parametrize("normal", [0.1, 0.3, 5.0])
 def test_steady_speed_on_a_circle(normal: float) -> None:
-    half = Arc([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    half = Arc(QUARTER.end, -QUARTER.start, np.zeros(3))
     limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0, normal_acceleration=normal)
     profile = aware(BlendedPath([QUARTER, half]), limits)
     steady = min(1.0, normal**0.5)
@@ -54,12 +58,11 @@ def random_path(seed: int) -> BlendedPath:
         steps = np.stack([np.cos(headings), np.sin(headings), rng.uniform(-0.3, 0.3, 5)], axis=1)
         points = np.concatenate([np.zeros((1, 3)), np.cumsum(rng.uniform(0.2, 0.7, (5, 1)) * steps, axis=0)])
         return BlendedPath.through(points, rng.uniform(0.03, 0.1, 4))
-    line = Line([0.0, 0.0, 0.0], [*rng.uniform(0.2, 0.5, 2), 0.1])
-    arc = Arc.through(
-        line.end, line.end + rng.uniform(0.1, 0.3, 3), line.end + np.array([0.5, 0.0, rng.uniform(-0.2, 0.2)])
-    )
+    first = line([0.0, 0.0, 0.0], [*rng.uniform(0.2, 0.5, 2), 0.1])
+    far = first.end + np.array([0.5, 0.0, rng.uniform(-0.2, 0.2)])
+    arc = Arc.through(first.end, first.end + rng.uniform(0.1, 0.3, 3), far)
     last = Line(arc.end, arc.end + np.array([*rng.uniform(0.1, 0.3, 2), 0.2]))
-    return BlendedPath([line, arc, last], rng.uniform(0.05, 0.09), curve="quintic")
+    return BlendedPath([first, arc, last], rng.uniform(0.05, 0.09), curve="quintic")
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -79,7 +82,11 @@ def test_random_paths_keep_every_limit(seed: int) -> None:
 
 
 def test_it_stops_where_the_curvature_jumps() -> None:
-    segments = [Line([1.0, -0.5, 0.0], [1.0, 0.0, 0.0]), QUARTER, Line([0.0, 1.0, 0.0], [-0.5, 1.0, 0.0])]
+    segments: list[Line | Arc] = [
+        line([1.0, -0.5, 0.0], [1.0, 0.0, 0.0]),
+        QUARTER,
+        line([0.0, 1.0, 0.0], [-0.5, 1.0, 0.0]),
+    ]
     path = BlendedPath(segments)
     profile = aware(path, LIMITS)
     assert np.abs(profile.at(profile.time_at(path.breakpoints))[1]).max() < 1e-6
