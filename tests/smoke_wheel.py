@@ -27,5 +27,6 @@ config = load_cell_config("lee1991")
 for arm in config.arms:
     assert Arm.from_urdf(resolve_file(config, arm.urdf), tip_link=arm.tip_link).dof == 2
 assert armtempo.load_cell("lee1991").name == "lee1991"
+assert armtempo.load_cell("lee2006").arms[0].dof == 4
 subprocess.run([Path(sys.executable).parent / "armtempo", "--help"], check=True, stdout=subprocess.DEVNULL)
 sys.stdout.write(f"armtempo {armtempo.__version__}: the wheel is whole\n")
