@@ -34,6 +34,7 @@ PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
 TRIMS = 1
 PARTS = 2  # quintics per interval
 SAMPLES = 12  # per quintic, both ends included
+ZOOM, ZOOMS = 33, 2  # samples around a peak, and around the peak among those
 MARGIN = 1e-6  # of the final slowing, for what lies between the samples
 GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
@@ -399,9 +400,17 @@ def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Arr
     share[0], share[-1] = 1e-9, 1.0 - 1e-9
     kinds = np.stack(stretches(knots[:-1, None] + share * steps))
     coarse = kinds.max(axis=0)
-    near = np.flatnonzero(coarse.max(axis=1) > coarse.max() * (1.0 - 2e-3))
-    top = coarse[near].argmax(axis=1)
+    peak = kinds > coarse.max() * (1.0 - 2e-3)  # of any kind: one may be higher between samples than all others at them
+    peak[..., 1:] &= kinds[..., 1:] >= kinds[..., :-1]
+    peak[..., :-1] &= kinds[..., :-1] >= kinds[..., 1:]
+    near, top = np.nonzero(peak.any(axis=0))
     low, high = share[np.maximum(top - 1, 0)], share[np.minimum(top + 1, SAMPLES - 1)]
-    fine = low[:, None] + np.linspace(0.0, 1.0, 33) * (high - low)[:, None]
-    worst = max(coarse.max(), np.max(stretches(knots[near][:, None] + fine * steps[near])))
+    worst = coarse.max()
+    for _ in range(ZOOMS):
+        fine = low[:, None] + np.linspace(0.0, 1.0, ZOOM) * (high - low)[:, None]
+        values = np.stack(stretches(knots[near][:, None] + fine * steps[near]))
+        worst = max(worst, values.max())
+        kind, of = np.nonzero(values.max(axis=2) > worst * (1.0 - 1e-4))
+        top = values[kind, of].argmax(axis=1)
+        near, low, high = near[of], fine[of, np.maximum(top - 1, 0)], fine[of, np.minimum(top + 1, ZOOM - 1)]
     return float(worst) * (1.0 + MARGIN), kinds[1:].max(axis=2)
