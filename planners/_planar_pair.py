@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.errors import PathError
+from armtempo.planners._joint_path import JointPath
 from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
@@ -25,7 +26,9 @@ Elbow = Literal["positive", "negative"]
 SINGULAR_SINE = (
     0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
 )
-SAMPLES = 2049
+SAMPLES = 2049  # of a path, and
+PER_PIECE = 17  # of each of its pieces
+HALVINGS = 6  # of an interval in which a limit may be broken, before its middle is believed
 
 
 class TipPath(Protocol):
@@ -59,7 +62,7 @@ class PlanarPair:
         axis: (3,) the direction of the first axis in the world.
         side: 1, or -1 if the second axis points the other way.
         height: Of the tip along ``axis`` at q = 0 [m].
-        station: (K,) [m] samples of the path.
+        station: (K,) [m] samples of the path, between which no joint turns by more than a radian.
 
     Raises:
         PathError: The axes are not parallel; the path leaves the reach or passes near a singularity.
@@ -69,12 +72,13 @@ class PlanarPair:
         self.arm, self.path = arm, path
         self._measure()
         self._bend = self.side * (1.0 if elbow == "positive" else -1.0)
-        self.station = np.linspace(0.0, path.length, SAMPLES)
-        self._turns, self._turn2 = np.zeros(SAMPLES), 0.0
+        self.station = _samples(path)
+        self._turns, self._turn2 = np.zeros(len(self.station)), 0.0
 
     def settle(self) -> None:
         """Check the reach all along, and choose the turns that fit the joints' position limits best."""
         self._check_reach()
+        self._sample_turns()
         q = self.evaluate(self.station)[0]
         self._turns = np.unwrap(q[:, 0])
         self._turns += whole_turns(self.arm, 0, self._turns)
@@ -123,8 +127,22 @@ class PlanarPair:
         return points
 
     def _check_reach(self) -> None:
-        station, name, l1, l2 = self.station, self.arm.name, self._l1, self._l2
-        radius = self._radius(self.path.evaluate(station)[0])[1]
+        """Check the distance from the first axis all along; it changes by no more than the length travelled."""
+        bend = 2.0 * self._l1 * self._l2 * np.sqrt(1.0 - SINGULAR_SINE**2)
+        near, far = np.sqrt(self._l1**2 + self._l2**2 + bend * np.array([-1.0, 1.0]))
+        self._refuse(self.station, self._radius(self.path.evaluate(self.station)[0])[1])
+        low, high = self.station[:-1], self.station[1:]
+        for _ in range(HALVINGS):
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            radius = self._radius(self.path.evaluate(middle)[0])[1]
+            self._refuse(middle, radius)
+            low, high = _halves(low, high, (radius + half > far) | (radius - half < near))
+            if not len(low):
+                break
+
+    def _refuse(self, station: Array, radius: Array) -> None:
+        """Raise where a distance from the first axis is out of reach or too near its limits."""
+        name, l1, l2 = self.arm.name, self._l1, self._l2
         for k, wrong in ((int(radius.argmax()), "far"), (int(radius.argmin()), "near")):
             if not abs(l1 - l2) <= radius[k] <= l1 + l2:
                 raise PathError(
@@ -143,6 +161,16 @@ class PlanarPair:
                     arm=name,
                     station=float(station[k]),
                 )
+
+    def _sample_turns(self) -> None:
+        """Sample so densely that whole turns cannot be mistaken."""
+        while True:
+            low, high = self.station[:-1], self.station[1:]
+            wide = (self.speed_bound(low, high).max(axis=-1) * (high - low) > 1.0) & (high - low > 1e-9)
+            if not wide.any():
+                break
+            self.station = np.sort(np.concatenate([self.station, 0.5 * (low + high)[wide]]))
+        self._turns = np.zeros(len(self.station))
 
     def inverse(self, position: Array, lam: ArrayLike) -> Array:
         """Both joint angles (..., 2) [rad] with the tip above ``position`` (..., 3), which is near station ``lam``."""
@@ -215,12 +243,42 @@ def whole_turns(arm: Arm, joint: int, q: Array) -> float:
     return float(2.0 * np.pi * np.round((wanted - middle) / (2.0 * np.pi)))
 
 
-def check_position_limits(arm: Arm, station: Array, q: Array) -> None:
-    """Check joint positions ``q`` (K, n) at stations (K,) [m].
+def _samples(path: TipPath) -> Array:
+    """Rising stations: even ones, and some of every piece."""
+    ends = path.breakpoints
+    pieces = ends[:-1, None] + np.linspace(0.0, 1.0, PER_PIECE) * np.diff(ends)[:, None]
+    return np.unique(
+        np.clip(np.concatenate([np.linspace(0.0, path.length, SAMPLES), pieces.ravel()]), 0.0, path.length)
+    )
+
+
+def _halves(low: Array, high: Array, chosen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Both halves of the chosen intervals."""
+    low, high = low[chosen], high[chosen]
+    middle = 0.5 * (low + high)
+    return np.concatenate([low, middle]), np.concatenate([middle, high])
+
+
+def check_position_limits(arm: Arm, path: JointPath, station: Array) -> None:
+    """Check the joints along a path: at stations (K,) [m] and, where its speed bounds leave a doubt, between them.
 
     Raises:
         PathError: A joint leaves its range; the message names it and the station.
     """
+    _refuse_positions(arm, station, path.evaluate(station)[0])
+    low, high = station[:-1], station[1:]
+    for _ in range(HALVINGS):
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        q, reach = path.evaluate(middle)[0], half[:, None] * path.speed_bound(low, high)
+        _refuse_positions(arm, middle, q)
+        doubtful = (q + reach > arm.position_max) | (q - reach < arm.position_min)
+        low, high = _halves(low, high, np.asarray(doubtful.any(axis=1)))
+        if not len(low):
+            break
+
+
+def _refuse_positions(arm: Arm, station: Array, q: Array) -> None:
+    """Raise where joint positions (K, n) are out of range."""
     excess = np.maximum(q - arm.position_max, arm.position_min - q)
     k, joint = np.unravel_index(int(excess.argmax()), excess.shape)
     if excess[k, joint] > 0.0:

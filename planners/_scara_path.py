@@ -59,7 +59,7 @@ class ScaraPath(JointPath):
         wrist = self.evaluate(self.pair.station)[0][:, self._wrist]
         turns = whole_turns(arm, self._wrist, wrist - wrist[0])
         self._yaw = float(self._sense[self._wrist]) * (turns - float(wrist[0]))
-        check_position_limits(arm, self.pair.station, self.evaluate(self.pair.station)[0])
+        check_position_limits(arm, self, self.pair.station)
 
     def _measure(self) -> None:
         """Find slide and wrist and the senses of all axes at ``q = 0``."""

@@ -47,7 +47,7 @@ class TwoLinkPath(JointPath):
         self.pair = PlanarPair(arm, cartesian, elbow)
         self._check_plane()
         self.pair.settle()
-        check_position_limits(arm, self.pair.station, self.evaluate(self.pair.station)[0])
+        check_position_limits(arm, self, self.pair.station)
 
     def _check_plane(self) -> None:
         pair = self.pair

@@ -153,3 +153,15 @@ def test_arms_that_are_no_scara_are_refused(tmp_path: Path) -> None:
     off = written(tmp_path, ('<origin xyz="0 0 -0.06"/>', '<origin xyz="0.05 0 -0.06"/>'))
     with pytest.raises(PathError, match=r"0.05 m off the axis of its wrist"):
         ScaraPath(off, arc, "positive")
+
+
+@pytest.mark.parametrize(
+    ("spike", "complaint"),
+    [((0.8001, 0.0, 0.05), "unreachable"), ((0.5, 0.01, 0.1508), "breaks the limit of joint 'joint_z'")],
+)
+def test_a_spike_between_even_samples_is_seen(spike: tuple[float, float, float], complaint: str) -> None:
+    """37 m of path, of which a few millimetres are out of reach or beyond the slide's range."""
+    points = [(0.45 + 0.02 * (i % 3), 0.3 if i % 2 else -0.3, 0.05) for i in range(60)]
+    path = BlendedPath.through([*points, (0.5, 0.05, 0.05), spike, (0.5, -0.02, 0.05)], tolerance=1e-6)
+    with pytest.raises(PathError, match=complaint):
+        ScaraPath(scara(), path, "positive")
