@@ -13,7 +13,7 @@ from armtempo.commands._reproduce import Quantity, Reproduction
 
 if TYPE_CHECKING:
     from armtempo.commands._output import Output
-    from armtempo.planners import Blend, BlendCell, BlendedPath
+    from armtempo.planners import Blend, BlendCell, BlendedPath, LengthMapping
 
 Array = NDArray[np.float64]
 
@@ -146,7 +146,23 @@ def differenced_error(points: Array, s: Array) -> Array:
     return np.asarray((np.linalg.norm(np.diff(points, axis=0), axis=1) - np.diff(s)) / TICK)
 
 
+def _arc_error(path: BlendedPath, s: Array, mapping: LengthMapping) -> float:
+    """The largest error of the speed inside the blends, by the lengths of the curve between ticks [%]."""
+    from armtempo.planners import Blend, arc_length
+
+    pieces, u = mapping.parameters(s)
+    worst = 0.0
+    for k, piece in enumerate(path.pieces):
+        if isinstance(piece, Blend):
+            inside = pieces == k
+            error = np.diff(arc_length(piece, u[inside])) / np.diff(s[inside]) - 1.0
+            worst = max(worst, float(np.abs(error).max()))
+    return 100.0 * worst
+
+
 def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
+    from armtempo.planners import ExactMapping, PredictorCorrector
+
     section = "Not printed"
     path, limits = cell.blended, cell.limits
     quintic = cell.variant(curve="quintic")
@@ -156,12 +172,26 @@ def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
     )
     kept = f"normal acceleration {limits.normal:g} m/s², vector jerk {limits.jerk:g} m/s³"
     rows: tuple[tuple[str, str, float, int, str], ...] = (
+        (
+            "speed error along the path, the paper's way",
+            "%",
+            _arc_error(path, sampled.s, PredictorCorrector(path)),
+            4,
+            "",
+        ),
+        ("speed error along the path, exact mapping", "%", _arc_error(path, sampled.s, ExactMapping(path)), 12, ""),
         ("speed error, exact mapping", "mm/s", float(exact[np.abs(exact).argmax()]), 3, "all of it chord against arc"),
         ("largest normal acceleration", "mm/s²", MM * float(normal.max()), 0, "five times the limit along the path"),
         ("largest joint speed", "rad/s", float(np.abs(sampled.qd[:, :2]).max()), 2, ""),
         ("largest joint acceleration", "rad/s²", float(np.abs(sampled.qdd[:, :2]).max()), 1, ""),
         ("curvature jump at the arc, cubic", "1/m", _jump(path, 4), 6, "2 / (3 R); a quintic has none"),
-        ("duration, limit-aware", "s", cell.limit_aware.duration, 4, f"{kept}; stops where cubic and arc meet"),
+        (
+            "duration, limit-aware",
+            "s",
+            cell.limit_aware.duration,
+            4,
+            f"{kept}; stops at both ends of the cubic beside the arc",
+        ),
         ("duration, limit-aware, quintic blends", "s", quintic.limit_aware.duration, 4, kept),
     )
     return [Quantity(section, what, unit, None, ours, digits, note) for what, unit, ours, digits, note in rows]

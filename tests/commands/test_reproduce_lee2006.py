@@ -53,6 +53,8 @@ def test_the_simulation_is_that_of_the_paper(rows: dict[str, dict[str, float]]) 
     }
     for name, (value, error) in wanted.items():
         assert rows[name]["ours"] == pytest.approx(value, abs=error), name
+    assert rows["speed error along the path, the paper's way"]["ours"] == pytest.approx(0.0315, abs=2e-3)
+    assert rows["speed error along the path, exact mapping"]["ours"] <= 1e-9
     for k in (3, 4, 5, 6):
         row = rows[f"and {k} repeated samples"]
         assert row["ours"] == pytest.approx(row["paper"], abs=4e-4)
