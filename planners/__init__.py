@@ -40,6 +40,7 @@ from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajecto
 from armtempo.planners._precedence import Precedence, precedence
 from armtempo.planners._scara_path import ScaraPath
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners._spherical_wrist_ik import SphericalWristIK
 from armtempo.planners._timing_problem import TimingProblem
 from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 from armtempo.planners._two_link_path import TwoLinkPath
@@ -106,6 +107,7 @@ __all__ = [
     "ScheduleCertificate",
     "ScheduleExecution",
     "Segment",
+    "SphericalWristIK",
     "TimingProblem",
     "TwoLinkPath",
     "VciExecution",
