@@ -24,6 +24,7 @@ from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._execution import Execution, ScheduleExecution
 from armtempo.planners._feed_override import FeedOverride
+from armtempo.planners._feedback_ik import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
 from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
@@ -37,6 +38,7 @@ from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_pat
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._precedence import Precedence, precedence
 from armtempo.planners._scara_path import ScaraPath
 from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
@@ -53,6 +55,7 @@ __all__ = [
     "CURVES",
     "ENGINES",
     "FAMILIES",
+    "INTEGRATORS",
     "METHODS",
     "PATH_FAMILIES",
     "PLANNED",
@@ -76,8 +79,13 @@ __all__ = [
     "Execution",
     "FamilyName",
     "FeedOverride",
+    "FeedbackIK",
+    "IKBounds",
+    "IKGains",
+    "IKRun",
     "GeneratedCell",
     "Instance",
+    "Integrator",
     "IntervalSearch",
     "Island",
     "JointPath",
@@ -98,6 +106,7 @@ __all__ = [
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
+    "PoseTarget",
     "Precedence",
     "PredictorCorrector",
     "PriorityClass",

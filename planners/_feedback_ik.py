@@ -1,0 +1,377 @@
+r"""Inverse kinematics by feedback: a solver that is a dynamical system which tracks (Chung, Ryu, Park).
+
+    q' = J^# [ v; omega ],   v = K_p (P_d - P) + P_d',   omega = K_a a x a_d + K_n a (a . (n x n_d)) + omega_d
+
+P, and the axes n, s, a of the tip come from the forward kinematics of the solver's own state q. The paper's eqs.
+(2.10)-(2.16) with both feed-forwards; omega_d is fed as it is, which is exact for any error (a_d + a_d'/K_a, as the
+paper's trick would have it, is exact at none only). J^# is damped near singularities: see ``FeedbackIK``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.errors import InputError
+from armtempo.planners import _feedback_ik_kernels as loops
+from armtempo.planners._pose_target import PoseTarget
+from armtempo.robots import Arm
+
+__all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName"]
+
+Array = NDArray[np.float64]
+Integrator = Literal["euler", "heun", "rk4"]
+TaskName = Literal["auto", "pose", "position"]
+INTEGRATORS: tuple[Integrator, ...] = ("euler", "heun", "rk4")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IKGains:
+    """Gains [1/s]; by default the paper's. With ``quaternion`` errors ``approach`` serves all axes."""
+
+    position: float = 50.9
+    approach: float = 20.0
+    normal: float = 25.5
+
+    def __post_init__(self) -> None:
+        for name in ("position", "approach", "normal"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"gain {name} = {getattr(self, name)}", remedy="give a gain > 0")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class IKBounds:
+    """Upper bounds of a run's errors and speeds; what they stand on is said in ``FeedbackIK``."""
+
+    position: Array
+    """(T,) [m]."""
+    approach: Array
+    """(T,) angle between the approach axes [rad]; pi: none."""
+    orientation: Array
+    """(T,) angle of the whole rotation [rad]; pi: none."""
+    joint_speed: Array
+    """(n,) [rad/s or m/s]."""
+    ultimate_position: float
+    """[m] limit of the law's own error, after a long time and without an integrator: max |P_d'| / K_p, 0 if fed."""
+    ultimate_approach: float
+    """[rad] asin(w/K_a) for a target that turns at w [rad/s]; pi for w > K_a, where lock is lost; 0 if fed."""
+    ultimate_orientation: float
+    """[rad] likewise for the whole rotation."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class IKRun:
+    """A finished run; arrays are read-only."""
+
+    time: Array
+    """(T,) [s]."""
+    q: Array
+    """(T, n) [rad or m]."""
+    qd: Array
+    """(T, n) the law's joint speeds at the samples; steps are made at ``diff(q) / step``, which keep the caps, too."""
+    position_error: Array
+    """(T,) [m]."""
+    approach_error: Array
+    """(T,) [rad]."""
+    orientation_error: Array
+    """(T,) angle of the whole rotation [rad]."""
+    flags: NDArray[np.int64]
+    """(T,) bits of what a step did beyond the plain law; ``share`` counts them."""
+    bounds: IKBounds
+
+    @property
+    def held(self) -> dict[str, bool]:
+        """Did each bound hold, up to rounding."""
+        b = self.bounds
+        moved = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0) / (self.time[1] - self.time[0])
+        return {
+            "position": bool((self.position_error <= b.position * (1 + 1e-9) + 1e-12).all()),
+            "approach": bool((self.approach_error <= b.approach * (1 + 1e-9) + 1e-12).all()),
+            "orientation": bool((self.orientation_error <= b.orientation * (1 + 1e-9) + 1e-12).all()),
+            "joint_speed": bool((np.maximum(moved, np.abs(self.qd).max(axis=0)) <= b.joint_speed * (1 + 1e-9)).all()),
+        }
+
+    @property
+    def share(self) -> dict[str, float]:
+        """Fraction of the steps that were damped, capped in twist or joint speed, at a joint limit, in escape.
+
+        ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
+        """
+        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray")
+        return {name: float(np.mean(self.flags & (1 << bit) != 0)) for bit, name in enumerate(names)}
+
+
+@final
+class FeedbackIK:
+    """The tracker for one arm: ``track`` follows a sampled pose from a posture.
+
+    *Damping.* Velocities are divided by the arm's ``length`` (its reach), so that singular values s have one unit.
+    Directions with s above ``damping`` are inverted exactly, those below with 2 s / (damping^2 + s^2): hence
+    ``|q'| <= |x'| / damping`` for any twist x'. Directions that the feedback alone would overshoot within a step are
+    damped more (damping >= sqrt(2 dt |K e|)): no chatter at the edge of the workspace.
+    *Caps.* The twist's halves are shortened to ``linear_speed_max`` and ``angular_speed_max``, then all joint speeds in
+    one ratio, to the arm's ``speed_max`` or the one given: never exceeded, in no stage of any integrator. Joints stop
+    at their position limits, and the others make up for them as they can.
+    *180 degrees.* Where the law sees no error in a half turn, it is told one of 0.02: it leaves in about 4/K.
+
+    *Bounds.* The law by itself, exactly: the approach axes' angle d obeys ``d' = -K_a sin d + w``; the whole rotation's
+    angle ``d' <= -K sin d + K_n / sqrt(27) (1 - cos d) + w`` with K = min(K_a, K_n) (the gains' product of axes couples
+    the paper's two angles: its eq. 3.5 is no bound); the position error ``e' = -K_p e``, or is within |P_d'| / K_p of
+    that without feed-forward. w is the target's turning, or 0 if fed forward. With ``quaternion`` errors
+    ``d' = -2 K_a sin(d/2) + w``. To these a bound of what the integrator adds, of second order in the step for all
+    three (so it is generous to rk4), from the joint speeds of each step (measured) and the arm's lengths (the worst
+    posture).
+    They hold for steps of the plain law: not damped, no cap, no joint limit, not in escape. In other steps they grow at
+    the speed at which tip and target could part at most: still true, seldom of use. They assume that the target's
+    accelerations between samples are those of ``PoseTarget`` at most. Joint speeds: the caps, always.
+
+    Args:
+        arm: Any serial arm.
+        gains: K_p, K_a, K_n.
+        error: ``axes``: approach and normal, the paper's; ``quaternion``: 2 K sin(angle/2) about the shortest way.
+        feed_forward: Of both velocities, where the target has them.
+        task: ``pose``, ``position`` (orientation is left alone), or ``auto``: of the pose, what the arm can control
+            (SCARA: position and turning about its axis; fewer joints than that: position); or (m, 6) orthonormal rows
+            that pick linear (first three) or angular components in world axes.
+        damping: Singular value of the scaled Jacobian below which it is damped; > 0.
+        linear_speed_max: [m/s].
+        angular_speed_max: [rad/s].
+        joint_speed_max: (n,) [rad/s or m/s]; the arm's by default.
+        posture: (n,) [rad or m] that spare joints are drawn to; the middle of their ranges by default.
+        posture_gain: [1/s]; 0: none. It acts where the arm has more joints than the task has rows.
+
+    Raises:
+        InputError: A number that cannot be used; the message names it.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        gains: IKGains | None = None,
+        *,
+        error: Literal["axes", "quaternion"] = "axes",
+        feed_forward: bool = True,
+        task: TaskName | ArrayLike = "auto",
+        damping: float = 0.02,
+        linear_speed_max: float = np.inf,
+        angular_speed_max: float = np.inf,
+        joint_speed_max: ArrayLike | None = None,
+        posture: ArrayLike | None = None,
+        posture_gain: float = 1.0,
+    ) -> None:
+        self.arm = arm
+        self.gains = gains or IKGains()
+        for name, value in (("damping", damping), ("linear_speed_max", linear_speed_max)):
+            if not value > 0.0:
+                raise InputError(f"{name} = {value}", remedy="give a number > 0")
+        if not angular_speed_max > 0.0 or not 0.0 <= posture_gain < np.inf or damping >= 1.0:
+            raise InputError(
+                f"angular_speed_max = {angular_speed_max}, posture_gain = {posture_gain}, damping = {damping}",
+                remedy="give a cap > 0, a gain >= 0, a damping < 1",
+            )
+        if error not in ("axes", "quaternion"):
+            raise InputError(f"error {error!r}", remedy="use 'axes' or 'quaternion'")
+        speed = self._joints(arm.speed_max if joint_speed_max is None else joint_speed_max, "joint_speed_max")
+        if not (speed > 0.0).all():
+            raise InputError("joint_speed_max is not > 0", remedy="give speeds > 0")
+        finite = np.isfinite(arm.position_min + arm.position_max)
+        middle = np.where(finite, 0.5 * (arm.position_min + np.where(finite, arm.position_max, 0.0)), 0.0)
+        rest = self._joints(middle if posture is None else posture, "posture")
+        model = arm.model
+        steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
+        extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
+        steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
+        beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
+        self._levers = np.where(model.prismatic, 1.0, beyond)
+        turning = ~model.prismatic
+        inner, outer = np.minimum.outer(np.arange(arm.dof), np.arange(arm.dof)), np.maximum.outer(
+            np.arange(arm.dof), np.arange(arm.dof)
+        )
+        self._bends = np.where(turning[inner], self._levers[outer], 0.0)
+        self._turns = np.outer(turning, turning).astype(np.float64)
+        self.length = float(beyond[turning].max()) if turning.any() else 1.0
+        self.task = _task(arm, task)
+        spare = arm.dof > len(self.task)
+        self._law = loops.Law(
+            self.gains.position,
+            self.gains.approach,
+            self.gains.normal,
+            error == "quaternion",
+            bool(feed_forward),
+            self.task,
+            self.length,
+            float(damping),
+            float(linear_speed_max),
+            float(angular_speed_max),
+            speed,
+            arm.position_min,
+            arm.position_max,
+            rest,
+            float(posture_gain) if spare else 0.0,
+        )
+
+    def _joints(self, values: ArrayLike, what: str) -> Array:
+        array = np.array(values, dtype=np.float64)
+        if array.shape != (self.arm.dof,) or np.isnan(array).any():
+            raise InputError(f"{what} has shape {array.shape} or NaN", remedy=f"give ({self.arm.dof},) numbers")
+        array.setflags(write=False)
+        return array
+
+    def track(self, target: PoseTarget, start: ArrayLike, *, integrator: Integrator = "rk4") -> IKRun:
+        """Follow ``target`` from the posture ``start`` (n,).
+
+        Raises:
+            InputError: Unknown integrator; ``start`` has the wrong shape or breaks a position limit.
+        """
+        if integrator not in INTEGRATORS:
+            raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
+        arm, law = self.arm, self._law
+        if law.feed_forward and target.differentiated:
+            law = law._replace(feed_forward=False)
+        first = np.asarray(start, dtype=np.float64)
+        if first.shape != (arm.dof,) or not np.isfinite(first).all():
+            raise InputError(f"start has shape {first.shape} or is not finite", remedy=f"give ({arm.dof},) numbers")
+        out = np.flatnonzero((first < arm.position_min) | (first > arm.position_max))
+        if len(out):
+            joint = arm.joint_names[int(out[0])]
+            raise InputError(
+                f"start {first[out[0]]:.6g} of joint {joint!r} is outside its range", remedy="start inside the limits"
+            )
+        count, n = (len(target.position) + 1) // 2, arm.dof
+        q, qd, errors = np.empty((count, n)), np.empty((count, n)), np.empty((count, 3))
+        fastest, turning = np.empty((count - 1, n)), np.empty(count - 1)
+        flags = np.zeros(count, dtype=np.int64)
+        q[0] = first
+        samples = loops.Targets(
+            target.position, target.rotation, target.velocity, target.angular_velocity, 2, target.step
+        )
+        method = INTEGRATORS.index(integrator)
+        loops.track(arm.model, law, method, samples, q, qd, errors, fastest, turning, flags)
+        bounds = self._bounds(law, method, target, errors[0], fastest, turning, flags)
+        for array in (q, qd, errors, flags):
+            array.setflags(write=False)
+        return IKRun(
+            time=target.time,
+            q=q,
+            qd=qd,
+            position_error=errors[:, 0],
+            approach_error=errors[:, 1],
+            orientation_error=errors[:, 2],
+            flags=flags,
+            bounds=bounds,
+        )
+
+    def track_many(
+        self, targets: Sequence[PoseTarget], starts: ArrayLike, *, integrator: Integrator = "rk4"
+    ) -> tuple[IKRun, ...]:
+        """``track`` for targets and starts (B, n) in pairs."""
+        rows = np.asarray(starts, dtype=np.float64)
+        if rows.shape != (len(targets), self.arm.dof):
+            raise InputError(f"starts have shape {rows.shape}", remedy=f"give ({len(targets)}, {self.arm.dof})")
+        return tuple(
+            self.track(target, row, integrator=integrator) for target, row in zip(targets, rows, strict=True)
+        )
+
+    def _bounds(
+        self,
+        law: loops.Law,
+        method: int,
+        target: PoseTarget,
+        first: Array,
+        fastest: Array,
+        turning: Array,
+        flags: NDArray[np.int64],
+    ) -> IKBounds:
+        bounds = np.empty((len(fastest) + 1, 3))
+        bounds[0] = first
+        h = target.step
+        speed, spin = (
+            np.maximum(np.maximum(size[:-2:2], size[1:-1:2]), size[2::2])
+            for size in (np.linalg.norm(target.velocity, axis=1), np.linalg.norm(target.angular_velocity, axis=1))
+        )
+        # Rates between the rows: from a row at most a quarter of a step away.
+        speed, spin = speed + 0.25 * h * target.acceleration, spin + 0.25 * h * target.angular_acceleration
+        loops.error_bounds(
+            law,
+            method,
+            h,
+            self._levers,
+            self._bends,
+            self._turns,
+            fastest,
+            turning,
+            flags,
+            speed,
+            spin,
+            target.acceleration,
+            target.angular_acceleration,
+            bounds,
+        )
+        if not self.task[:, :3].any():
+            bounds[:, 0] = np.inf
+        bounds.setflags(write=False)
+        v, w = (0.0, 0.0) if law.feed_forward else (float(speed.max()), float(spin.max()))
+        return IKBounds(
+            position=bounds[:, 0],
+            approach=bounds[:, 1],
+            orientation=bounds[:, 2],
+            joint_speed=law.speed_max,
+            ultimate_position=v / law.position_gain,
+            ultimate_approach=_ultimate(law, w, whole=False),
+            ultimate_orientation=_ultimate(law, w, whole=True),
+        )
+
+
+def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
+    """Where ``d' = -K sin d + cross (1 - cos d) + w`` comes to rest [rad]; pi: nowhere."""
+    if law.quaternion:
+        return 2 * float(np.arcsin(0.5 * w / law.approach_gain)) if w <= 2 * law.approach_gain else np.pi
+    gain = min(law.approach_gain, law.normal_gain) if whole else law.approach_gain
+    cross = law.normal_gain / np.sqrt(27.0) if whole else 0.0
+    size = np.hypot(gain, cross)
+    if w + cross > size:
+        return np.pi
+    return float(np.arcsin((w + cross) / size) - np.arctan2(cross, gain))
+
+
+def _task(arm: Arm, task: TaskName | ArrayLike) -> Array:
+    """(m, 6) orthonormal rows."""
+    if isinstance(task, str):
+        if task not in ("auto", "pose", "position"):
+            raise InputError(f"task {task!r}", remedy="use 'auto', 'pose', 'position' or (m, 6) rows")
+        rows = np.eye(6)[: 3 if task == "position" else 6]
+        if task == "auto":
+            random = np.random.default_rng(0)
+            low, high = np.maximum(arm.position_min, -3.0), np.minimum(arm.position_max, 3.0)
+            J = arm.jacobian(random.uniform(low, high, (20, arm.dof)))
+            linear, angular = (_span(J[:, part].transpose(1, 0, 2).reshape(3, -1)) for part in (np.s_[:3], np.s_[3:]))
+            if len(linear) + len(angular) > arm.dof:
+                angular = angular[:0]
+            rows = np.zeros((len(linear) + len(angular), 6))
+            rows[: len(linear), :3], rows[len(linear) :, 3:] = linear, angular
+    else:
+        rows = np.array(task, dtype=np.float64, order="C")
+        if rows.ndim != 2 or rows.shape[1] != 6 or not 1 <= len(rows) <= 6 or not np.isfinite(rows).all():
+            raise InputError(f"task of shape {rows.shape}", remedy="give (m, 6) finite numbers, m = 1 to 6")
+        mixed = rows[:, :3].any(axis=1) & rows[:, 3:].any(axis=1)
+        if mixed.any() or np.abs(rows @ rows.T - np.eye(len(rows))).max() > 1e-9:
+            raise InputError(
+                "task rows are not orthonormal, or mix metres and radians", remedy="give unit rows of one kind each"
+            )
+    rows = np.ascontiguousarray(rows)
+    rows.setflags(write=False)
+    return rows
+
+
+def _span(columns: Array) -> Array:
+    """Orthonormal rows (r, 3) that span columns (3, k); all of space as unit axes."""
+    U, s, _ = np.linalg.svd(columns)
+    rank = int((s > 1e-9 * max(s[0], 1e-12)).sum())
+    if rank == 3:
+        return np.eye(3)
+    basis = U[:, :rank].T
+    return np.asarray(basis * np.sign(basis.sum(axis=1, keepdims=True)))

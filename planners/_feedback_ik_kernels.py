@@ -1,0 +1,572 @@
+"""Inner loops of ``FeedbackIK``: the law, the damped inverse, one run over sampled targets, and its error bounds.
+
+Nothing is checked here: callers pass float64 arrays of the right shape. SI units, radians; vectors in world axes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.robots import ArmModel, kernels, njit
+
+__all__ = [
+    "DAMPED",
+    "ESCAPE",
+    "LIMIT",
+    "PROJECTED",
+    "SPEED",
+    "STRAY",
+    "TWIST",
+    "Law",
+    "Targets",
+    "error_bounds",
+    "track",
+]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# What a step did beyond the plain law, as bits.
+DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY = 1, 2, 4, 8, 16, 32, 64
+EULER, HEUN, RK4 = 0, 1, 2
+FLEE = 0.02  # sine of the error that the law is told at least, where it would see none at 180 degrees
+
+
+class Law(NamedTuple):
+    """The law's constants."""
+
+    position_gain: float
+    approach_gain: float
+    normal_gain: float
+    quaternion: bool
+    feed_forward: bool
+    task: Floats
+    """(m, 6) orthonormal rows that pick what is controlled of a twist; no row mixes its two halves."""
+    length: float
+    """[m] of the arm: velocities are divided by it before they are compared with angular ones."""
+    damping: float
+    """Singular value of the scaled Jacobian below which it is damped."""
+    linear_max: float
+    angular_max: float
+    speed_max: Floats
+    position_min: Floats
+    position_max: Floats
+    posture: Floats
+    posture_gain: float
+
+
+class Targets(NamedTuple):
+    """Sampled poses; ``stride`` samples make a step (2: with the middles)."""
+
+    position: Floats
+    rotation: Floats
+    velocity: Floats
+    angular_velocity: Floats
+    stride: int
+    step: float
+
+
+class _Scratch(NamedTuple):
+    R: Floats
+    p: Floats
+    J: Floats
+    A: Floats
+    G: Floats
+    C: Floats
+    V: Floats
+    x: Floats
+    y: Floats
+    tip: Floats
+    """(4, 3) the tip's position and the columns n, s, a of its rotation."""
+    error: Floats
+    """(5,) position [m], approach, whole rotation [rad], feedback's angular speed [rad/s], smallest damped value."""
+    free: NDArray[np.bool_]
+
+
+@njit
+def _scratch(n: int, m: int) -> _Scratch:
+    return _Scratch(
+        np.empty((n, 3, 3)),
+        np.empty((n, 3)),
+        np.empty((6, n)),
+        np.empty((m, n)),
+        np.empty((m, m)),
+        np.empty((m, m)),
+        np.empty((m, m)),
+        np.empty(6),
+        np.empty(m),
+        np.empty((4, 3)),
+        np.empty(5),
+        np.empty(n, dtype=np.bool_),
+    )
+
+
+@njit
+def _tip_and_jacobian(model: ArmModel, q: Floats, w: _Scratch) -> None:
+    n = q.shape[0]
+    kernels.link_frames(model, q, w.R, w.p)
+    last, tip = w.R[n - 1], w.tip
+    for r in range(3):
+        tip[0, r] = w.p[n - 1, r]
+        for c in range(3):
+            tip[0, r] += last[r, c] * model.tip_p[c]
+            tip[1 + c, r] = (
+                last[r, 0] * model.tip_R[0, c] + last[r, 1] * model.tip_R[1, c] + last[r, 2] * model.tip_R[2, c]
+            )
+    for i in range(n):
+        B, a = w.R[i], model.axis[i]
+        z0 = B[0, 0] * a[0] + B[0, 1] * a[1] + B[0, 2] * a[2]
+        z1 = B[1, 0] * a[0] + B[1, 1] * a[1] + B[1, 2] * a[2]
+        z2 = B[2, 0] * a[0] + B[2, 1] * a[1] + B[2, 2] * a[2]
+        if model.prismatic[i]:
+            w.J[0, i], w.J[1, i], w.J[2, i] = z0, z1, z2
+            w.J[3, i], w.J[4, i], w.J[5, i] = 0.0, 0.0, 0.0
+        else:
+            x, y, z = tip[0, 0] - w.p[i, 0], tip[0, 1] - w.p[i, 1], tip[0, 2] - w.p[i, 2]
+            w.J[0, i], w.J[1, i], w.J[2, i] = z1 * z - z2 * y, z2 * x - z0 * z, z0 * y - z1 * x
+            w.J[3, i], w.J[4, i], w.J[5, i] = z0, z1, z2
+
+
+@njit
+def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
+    """The feedback's angular velocity into w.x[3:], the errors of orientation into w.error; flags."""
+    flags = 0
+    n, s, a = w.tip[1], w.tip[2], w.tip[3]
+    # E[i, j]: axis j of the target along axis i of the tip, in the order n, s, a.
+    e00 = n[0] * Rd[0, 0] + n[1] * Rd[1, 0] + n[2] * Rd[2, 0]
+    e01 = n[0] * Rd[0, 1] + n[1] * Rd[1, 1] + n[2] * Rd[2, 1]
+    e02 = n[0] * Rd[0, 2] + n[1] * Rd[1, 2] + n[2] * Rd[2, 2]
+    e10 = s[0] * Rd[0, 0] + s[1] * Rd[1, 0] + s[2] * Rd[2, 0]
+    e11 = s[0] * Rd[0, 1] + s[1] * Rd[1, 1] + s[2] * Rd[2, 1]
+    e12 = s[0] * Rd[0, 2] + s[1] * Rd[1, 2] + s[2] * Rd[2, 2]
+    e20 = a[0] * Rd[0, 0] + a[1] * Rd[1, 0] + a[2] * Rd[2, 0]
+    e21 = a[0] * Rd[0, 1] + a[1] * Rd[1, 1] + a[2] * Rd[2, 1]
+    e22 = a[0] * Rd[0, 2] + a[1] * Rd[1, 2] + a[2] * Rd[2, 2]
+    hx, hy, hz = 0.5 * (e21 - e12), 0.5 * (e02 - e20), 0.5 * (e10 - e01)  # sin(angle) times the axis
+    sine = math.sqrt(hx * hx + hy * hy + hz * hz)
+    angle = math.atan2(sine, 0.5 * (e00 + e11 + e22 - 1.0))
+    across = math.sqrt(e02 * e02 + e12 * e12)
+    w.error[1] = math.atan2(across, e22)
+    w.error[2] = angle
+    if law.quaternion:  # 2 K sin(angle/2) about the axis; towards 180 degrees the axis comes from the symmetric part
+        size = 2.0 * law.approach_gain * math.sin(0.5 * angle)
+        if sine > 1e-6:
+            fx, fy, fz = size * hx / sine, size * hy / sine, size * hz / sine
+        elif e00 + e11 + e22 > 0.0:
+            fx, fy, fz = law.approach_gain * hx, law.approach_gain * hy, law.approach_gain * hz
+        else:
+            flags |= ESCAPE
+            if e00 >= e11 and e00 >= e22:
+                fx, fy, fz = 1.0 + e00, e10, e20
+            elif e11 >= e22:
+                fx, fy, fz = e01, 1.0 + e11, e21
+            else:
+                fx, fy, fz = e02, e12, 1.0 + e22
+            size /= math.sqrt(fx * fx + fy * fy + fz * fz)
+            fx, fy, fz = fx * size, fy * size, fz * size
+    else:  # the paper's: a x a_d and, about a, n x n_d
+        u, v, t = -e12, e02, e10
+        if e22 < 0.0 and across < FLEE:
+            flags |= ESCAPE
+            if across > 1e-12:
+                u, v = FLEE * u / across, FLEE * v / across
+            else:
+                u, v = FLEE, 0.0
+        around = math.sqrt(e00 * e00 + e10 * e10)
+        if e00 < 0.0 and abs(t) < FLEE * around:
+            flags |= ESCAPE
+            t = FLEE * around if t >= 0.0 else -FLEE * around
+        fx, fy, fz = law.approach_gain * u, law.approach_gain * v, law.normal_gain * t
+    w.error[3] = math.sqrt(fx * fx + fy * fy + fz * fz)
+    for r in range(3):
+        w.x[3 + r] = fx * n[r] + fy * s[r] + fz * a[r]
+    return flags
+
+
+@njit
+def _cap(x: Floats, first: int, most: float) -> bool:
+    size = math.sqrt(x[first] ** 2 + x[first + 1] ** 2 + x[first + 2] ** 2)
+    if size <= most:
+        return False
+    for r in range(first, first + 3):
+        x[r] *= most / size
+    return True
+
+
+@njit
+def _cholesky(G: Floats, shift: float, C: Floats) -> bool:
+    """C C^T = G - shift I; False where that is not positive definite."""
+    m = G.shape[0]
+    for i in range(m):
+        for j in range(i + 1):
+            value = G[i, j]
+            if i == j:
+                value -= shift
+            for k in range(j):
+                value -= C[i, k] * C[j, k]
+            if i == j:
+                if not value > 0.0:
+                    return False
+                C[i, i] = math.sqrt(value)
+            else:
+                C[i, j] = value / C[j, j]
+    return True
+
+
+@njit
+def _jacobi(G: Floats, V: Floats) -> None:
+    """Eigenvalues of the symmetric G onto its diagonal, eigenvectors into the columns of V (Jacobi's rotations)."""
+    m = G.shape[0]
+    for i in range(m):
+        for j in range(m):
+            V[i, j] = 1.0 if i == j else 0.0
+    for _ in range(20):
+        off = total = 0.0
+        for i in range(m):
+            total += G[i, i] * G[i, i]
+            for j in range(i):
+                off += G[i, j] * G[i, j]
+        if off <= 1e-28 * total:
+            return
+        for i in range(m):
+            for j in range(i + 1, m):
+                if G[i, j] == 0.0:
+                    continue
+                theta = 0.5 * (G[j, j] - G[i, i]) / G[i, j]
+                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                if theta < 0.0:
+                    t = -t
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(m):
+                    left, right = G[k, i], G[k, j]
+                    G[k, i], G[k, j] = c * left - s * right, s * left + c * right
+                for k in range(m):
+                    left, right = G[i, k], G[j, k]
+                    G[i, k], G[j, k] = c * left - s * right, s * left + c * right
+                    left, right = V[k, i], V[k, j]
+                    V[k, i], V[k, j] = c * left - s * right, s * left + c * right
+
+
+@njit
+def _inverse(w: _Scratch, damping: float) -> bool:
+    """w.y: (A A^T)^-1 w.y over the free joints, with s/(s^2 + ..) = 2 s/(damping^2 + s^2) for small s; was it damped?
+
+    That factor is 1/damping at most, continuous, and 1/s where nothing is damped.
+    """
+    m, n = w.A.shape
+    A, G, C, y = w.A, w.G, w.C, w.y
+    for i in range(m):
+        for j in range(i + 1):
+            value = 0.0
+            for k in range(n):
+                if w.free[k]:
+                    value += A[i, k] * A[j, k]
+            G[i, j] = G[j, i] = value
+    # All singular values are above the damping exactly where this stays positive definite: no need to know them.
+    if _cholesky(G, damping * damping, C) and _cholesky(G, 0.0, C):
+        for i in range(m):
+            for k in range(i):
+                y[i] -= C[i, k] * y[k]
+            y[i] /= C[i, i]
+        for i in range(m - 1, -1, -1):
+            for k in range(i + 1, m):
+                y[i] -= C[k, i] * y[k]
+            y[i] /= C[i, i]
+        return False
+    V = w.V
+    _jacobi(G, V)
+    for k in range(m):
+        C[0, k] = 0.0
+        for i in range(m):
+            C[0, k] += V[i, k] * y[i]
+        square = max(G[k, k], 0.0)
+        C[0, k] *= 1.0 / square if square > damping * damping else 2.0 / (damping * damping + square)
+    for i in range(m):
+        y[i] = 0.0
+        for k in range(m):
+            y[i] += V[i, k] * C[0, k]
+    return True
+
+
+@njit
+def _law(
+    model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: _Scratch, posture_rate: Floats, qd: Floats
+) -> int:
+    """Joint speeds of the law at q for sample ``at`` of the targets, into qd (n,); flags. Errors into w.error."""
+    n, m = q.shape[0], law.task.shape[0]
+    x, A, J = w.x, w.A, w.J
+    _tip_and_jacobian(model, q, w)
+    flags = _turning(law, w, targets.rotation[at])
+    square = 0.0
+    for r in range(3):
+        off = targets.position[at, r] - w.tip[0, r]
+        square += off * off
+        x[r] = law.position_gain * off
+    w.error[0] = math.sqrt(square)
+    # A step must not jump across a singular posture: the faster the feedback would have the tip, the more is damped.
+    pull = 0.0
+    for i in range(m):
+        value = 0.0
+        for r in range(3):
+            value += law.task[i, r] * x[r] / law.length + law.task[i, 3 + r] * x[3 + r]
+        pull += value * value
+    if law.feed_forward:
+        for r in range(3):
+            x[r] += targets.velocity[at, r]
+            x[3 + r] += targets.angular_velocity[at, r]
+    if _cap(x, 0, law.linear_max):
+        flags |= TWIST
+    if _cap(x, 3, law.angular_max):
+        flags |= TWIST
+    # What the task leaves out of the asked twist, in its two halves.
+    astray = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+    left = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
+    for i in range(m):
+        astray -= (law.task[i, 0] * x[0] + law.task[i, 1] * x[1] + law.task[i, 2] * x[2]) ** 2
+        left -= (law.task[i, 3] * x[3] + law.task[i, 4] * x[4] + law.task[i, 5] * x[5]) ** 2
+        for k in range(n):
+            A[i, k] = (law.task[i, 0] * J[0, k] + law.task[i, 1] * J[1, k] + law.task[i, 2] * J[2, k]) / law.length
+            A[i, k] += law.task[i, 3] * J[3, k] + law.task[i, 4] * J[4, k] + law.task[i, 5] * J[5, k]
+    if left > 1e-14 * (1.0 + x[3] * x[3] + x[4] * x[4] + x[5] * x[5]):
+        flags |= PROJECTED
+    if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
+        flags |= STRAY
+    damping = max(law.damping, math.sqrt(2.0 * targets.step * math.sqrt(pull)))
+
+    for k in range(n):
+        w.free[k] = True
+        qd[k] = posture_rate[k]
+    for _ in range(n + 1):
+        for i in range(m):  # what the joints that are held leave to the others
+            w.y[i] = 0.0
+            for r in range(3):
+                w.y[i] += law.task[i, r] * x[r] / law.length + law.task[i, 3 + r] * x[3 + r]
+            for k in range(n):
+                w.y[i] -= A[i, k] * qd[k]
+        damped = _inverse(w, damping)
+        again = False
+        for k in range(n):
+            if not w.free[k]:
+                continue
+            speed = posture_rate[k]
+            for i in range(m):
+                speed += A[i, k] * w.y[i]
+            low = (law.position_min[k] - q[k]) / targets.step
+            high = (law.position_max[k] - q[k]) / targets.step
+            if speed < low or speed > high:
+                w.free[k] = False
+                again = True
+                speed = min(max(speed, low), high)
+            qd[k] = speed
+        if damped:
+            flags |= DAMPED
+        if not again:
+            break
+        flags |= LIMIT
+        for k in range(n):
+            if w.free[k]:
+                qd[k] = posture_rate[k]
+    fastest = 1.0
+    for k in range(n):
+        fastest = max(fastest, abs(qd[k]) / law.speed_max[k])
+    if fastest > 1.0:
+        flags |= SPEED
+        for k in range(n):
+            qd[k] /= fastest
+            if abs(qd[k]) > law.speed_max[k]:  # the last bit
+                qd[k] = math.copysign(law.speed_max[k], qd[k])
+    return flags
+
+
+@njit
+def _posture(law: Law, q: Floats, rate: Floats) -> None:
+    for k in range(q.shape[0]):
+        rate[k] = law.posture_gain * (law.posture[k] - q[k])
+        rate[k] = min(max(rate[k], -0.5 * law.speed_max[k]), 0.5 * law.speed_max[k])
+
+
+@njit
+def track(
+    model: ArmModel,
+    law: Law,
+    method: int,
+    targets: Targets,
+    q: Floats,
+    qd: Floats,
+    errors: Floats,
+    fastest: Floats,
+    turning: Floats,
+    flags: Integers,
+) -> None:
+    """One run from q[0].
+
+    Into q, qd (T, n): positions, and the law's speeds there; errors (T, 3): position, approach, whole rotation;
+    fastest (T - 1, n): greatest joint speeds of a step's stages; turning (T - 1,): greatest feedback turning speed
+    [rad/s] of its stages; flags (T,).
+    """
+    steps, n = q.shape[0] - 1, q.shape[1]
+    w = _scratch(n, law.task.shape[0])
+    rate = np.zeros(n)
+    k1, k2, k3, k4, at = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    h, stride = targets.step, targets.stride
+    for k in range(steps + 1):
+        here = k * stride
+        _posture(law, q[k], rate)
+        flag = _law(model, law, q[k], targets, here, w, rate, k1)
+        for i in range(n):
+            qd[k, i] = k1[i]
+        for r in range(3):
+            errors[k, r] = w.error[r]
+        if k == steps:
+            flags[k] = flag
+            return
+        turn = w.error[3]
+        if method == HEUN:
+            for i in range(n):
+                at[i] = q[k, i] + h * k1[i]
+            _posture(law, at, rate)
+            flag |= _law(model, law, at, targets, here + stride, w, rate, k2)
+            turn = max(turn, w.error[3])
+        elif method == RK4:
+            for i in range(n):
+                at[i] = q[k, i] + 0.5 * h * k1[i]
+            _posture(law, at, rate)
+            flag |= _law(model, law, at, targets, here + 1, w, rate, k2)
+            turn = max(turn, w.error[3])
+            for i in range(n):
+                at[i] = q[k, i] + 0.5 * h * k2[i]
+            _posture(law, at, rate)
+            flag |= _law(model, law, at, targets, here + 1, w, rate, k3)
+            turn = max(turn, w.error[3])
+            for i in range(n):
+                at[i] = q[k, i] + h * k3[i]
+            _posture(law, at, rate)
+            flag |= _law(model, law, at, targets, here + 2, w, rate, k4)
+            turn = max(turn, w.error[3])
+        for i in range(n):
+            speed, most = k1[i], abs(k1[i])
+            if method == HEUN:
+                speed, most = 0.5 * (k1[i] + k2[i]), max(most, abs(k2[i]))
+            elif method == RK4:
+                speed = (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
+                most = max(max(most, abs(k2[i])), max(abs(k3[i]), abs(k4[i])))
+            fastest[k, i] = most
+            moved = q[k, i] + h * speed
+            if moved < law.position_min[i] or moved > law.position_max[i]:
+                flag |= LIMIT
+                moved = min(max(moved, law.position_min[i]), law.position_max[i])
+            q[k + 1, i] = moved
+        turning[k] = turn
+        flags[k] = flag
+
+
+@njit
+def _decay(x: float, gain: float, cross: float, push: float, h: float) -> float:
+    """x' = -gain sin x + cross (1 - cos x) + push after h, exactly; pi where it gets there.
+
+    With t = tan(x/2) a Riccati equation: t' = (cross + push/2) t^2 - gain t + push/2, t = N/M with N, M linear.
+    """
+    a, c = cross + 0.5 * push, 0.5 * push
+    N, M = math.sin(0.5 * x), math.cos(0.5 * x)
+    square = 0.25 * gain * gain - a * c
+    mu = math.sqrt(abs(square))
+    if square > 0.0:
+        even, odd = math.cosh(mu * h), math.sinh(mu * h) / mu
+    elif square < 0.0:
+        if mu * h >= 0.5 * math.pi:
+            return math.pi
+        even, odd = math.cos(mu * h), math.sin(mu * h) / mu
+    else:
+        even, odd = 1.0, h
+    N, M = even * N + odd * (-0.5 * gain * N + c * M), even * M + odd * (-a * N + 0.5 * gain * M)
+    return math.pi if M <= 0.0 else min(2.0 * math.atan2(N, M), math.pi)
+
+
+@njit
+def error_bounds(
+    law: Law,
+    method: int,
+    step: float,
+    levers: Floats,
+    bends: Floats,
+    turns: Floats,
+    fastest: Floats,
+    turning: Floats,
+    flags: Integers,
+    target_speed: Floats,
+    target_turning: Floats,
+    acceleration: float,
+    angular_acceleration: float,
+    bounds: Floats,
+) -> None:
+    """Bounds (T, 3) of the errors of a run, from the errors at its start in bounds[0]; see ``FeedbackIK``.
+
+    levers (n,): how far a unit of each joint moves the tip at most; bends, turns (n, n): the same for the second
+    derivatives of its position and its rotation. target_speed, target_turning (T - 1,): greatest in each step.
+    """
+    steps, n = fastest.shape
+    z = law.position_gain * step
+    if method == EULER:
+        R = 1.0 - z
+    elif method == HEUN:
+        R = 1.0 - z + 0.5 * z * z
+    else:
+        R = 1.0 - z + z * z / 2.0 - z**3 / 6.0 + z**4 / 24.0
+    gain = min(law.approach_gain, law.normal_gain)
+    most = max(law.approach_gain, law.normal_gain)
+    cross = law.normal_gain / math.sqrt(27.0)
+    if law.quaternion:
+        gain = most = law.approach_gain
+        cross = 0.0
+    ff = 1.0 if law.feed_forward else 0.0
+    for k in range(steps):
+        u = fastest[k]
+        reach = bend = turn = spin = 0.0
+        for i in range(n):
+            reach += levers[i] * u[i]
+            turn += turns[i, i] * u[i]
+            for j in range(n):
+                bend += bends[i, j] * u[i] * u[j]
+                if i != j:
+                    spin += 0.5 * turns[i, j] * u[i] * u[j]
+        plain = flags[k] & (DAMPED | TWIST | SPEED | LIMIT | STRAY)
+        if plain == 0:
+            # What a stage at c h, reached from one at d h, may be off the linear law: half c^2 of the target's and of
+            # the tip's acceleration, and c d of the Jacobian's and the feed-forward's change.
+            change = bend + ff * acceleration
+            half = 0.5 * (bend + acceleration)
+            h2 = step * step
+            if method == EULER:
+                off = h2 * half
+            elif method == HEUN:
+                off = 0.5 * z * (h2 * half) + h2 * (half + 0.5 * change)
+            else:
+                s2 = h2 * 0.25 * half
+                s3 = 0.5 * z * s2 + h2 * (0.25 * half + 0.25 * change)
+                s4 = z * s3 + h2 * (half + 0.5 * change)
+                off = z * (2.0 * s2 + 2.0 * s3 + s4) / 6.0 + h2 * (half + 0.5 * change)
+            lag = 0.0 if law.feed_forward else abs(1.0 - R) / law.position_gain * target_speed[k]
+            bounds[k + 1, 0] = abs(R) * bounds[k, 0] + lag + off
+        else:
+            bounds[k + 1, 0] = bounds[k, 0] + step * (target_speed[k] + reach)
+        if plain == 0 and flags[k] & (ESCAPE | PROJECTED) == 0:
+            push = (1.0 - ff) * target_turning[k]
+            fb = turning[k]
+            change = step * (spin + angular_acceleration)
+            rate = fb + push + change
+            push += change + step * (rate * (math.sqrt(2.0) * most + fb) + fb * target_turning[k])
+            if law.quaternion:
+                whole = 2.0 * _decay(0.5 * bounds[k, 2], gain, 0.0, 0.5 * push, step)
+                bounds[k + 1, 2] = min(whole, math.pi)
+                bounds[k + 1, 1] = bounds[k + 1, 2]
+            else:
+                bounds[k + 1, 1] = _decay(bounds[k, 1], law.approach_gain, 0.0, push, step)
+                bounds[k + 1, 2] = _decay(bounds[k, 2], gain, cross, push, step)
+        else:
+            for r in range(1, 3):
+                bounds[k + 1, r] = min(bounds[k, r] + step * (target_turning[k] + turn), math.pi)
