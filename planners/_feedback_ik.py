@@ -194,7 +194,9 @@ class FeedbackIK:
         self._bends = np.where(turning[inner], self._levers[outer], 0.0)
         self._turns = np.outer(turning, turning).astype(np.float64)
         self.length = float(beyond[turning].max()) if turning.any() else 1.0
-        self.task = _task(arm, task)
+        linear, angular = _reach_of(arm)
+        self.task = _task(arm, task, linear, angular)
+        self._loose = (_outside(linear, self.task[:, :3]), _outside(angular, self.task[:, 3:]))
         spare = arm.dof > len(self.task)
         self._law = loops.Law(
             self.gains.position,
@@ -205,6 +207,7 @@ class FeedbackIK:
             self.task,
             self.length,
             float(damping),
+            float(speed[turning].min()) if turning.any() else np.inf,
             float(linear_speed_max),
             float(angular_speed_max),
             speed,
@@ -299,6 +302,7 @@ class FeedbackIK:
             law,
             method,
             h,
+            self._loose,
             self._levers,
             self._bends,
             self._turns,
@@ -311,8 +315,6 @@ class FeedbackIK:
             target.angular_acceleration,
             bounds,
         )
-        if not self.task[:, :3].any():
-            bounds[:, 0] = np.inf
         bounds.setflags(write=False)
         v, w = (0.0, 0.0) if law.feed_forward else (float(speed.max()), float(spin.max()))
         return IKBounds(
@@ -338,17 +340,32 @@ def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
     return float(np.arcsin((w + cross) / size) - np.arctan2(cross, gain))
 
 
-def _task(arm: Arm, task: TaskName | ArrayLike) -> Array:
+def _reach_of(arm: Arm) -> tuple[Array, Array]:
+    """Orthonormal rows (r, 3) of the velocities, and of the angular ones, that the tip can have in some posture."""
+    low, high = np.maximum(arm.position_min, -3.0), np.minimum(arm.position_max, 3.0)
+    J = arm.jacobian(np.random.default_rng(0).uniform(low, high, (20, arm.dof)))
+    return _span(J[:, :3].transpose(1, 0, 2).reshape(3, -1)), _span(J[:, 3:].transpose(1, 0, 2).reshape(3, -1))
+
+
+def _span(columns: Array) -> Array:
+    """Orthonormal rows (r, 3) that span columns (3, k); all of space as unit axes."""
+    U, s, _ = np.linalg.svd(columns, full_matrices=False)
+    rank = int((s > 1e-9 * max(s[0], 1e-12)).sum())
+    return np.eye(3) if rank == 3 else np.asarray(U[:, :rank].T)
+
+
+def _outside(span: Array, rows: Array) -> bool:
+    """Is there a direction of ``span`` that the rows do not hold."""
+    return bool(np.abs(span - span @ rows.T @ rows).max(initial=0.0) > 1e-9)
+
+
+def _task(arm: Arm, task: TaskName | ArrayLike, linear: Array, angular: Array) -> Array:
     """(m, 6) orthonormal rows."""
     if isinstance(task, str):
         if task not in ("auto", "pose", "position"):
             raise InputError(f"task {task!r}", remedy="use 'auto', 'pose', 'position' or (m, 6) rows")
         rows = np.eye(6)[: 3 if task == "position" else 6]
         if task == "auto":
-            random = np.random.default_rng(0)
-            low, high = np.maximum(arm.position_min, -3.0), np.minimum(arm.position_max, 3.0)
-            J = arm.jacobian(random.uniform(low, high, (20, arm.dof)))
-            linear, angular = (_span(J[:, part].transpose(1, 0, 2).reshape(3, -1)) for part in (np.s_[:3], np.s_[3:]))
             if len(linear) + len(angular) > arm.dof:
                 angular = angular[:0]
             rows = np.zeros((len(linear) + len(angular), 6))
@@ -365,13 +382,3 @@ def _task(arm: Arm, task: TaskName | ArrayLike) -> Array:
     rows = np.ascontiguousarray(rows)
     rows.setflags(write=False)
     return rows
-
-
-def _span(columns: Array) -> Array:
-    """Orthonormal rows (r, 3) that span columns (3, k); all of space as unit axes."""
-    U, s, _ = np.linalg.svd(columns)
-    rank = int((s > 1e-9 * max(s[0], 1e-12)).sum())
-    if rank == 3:
-        return np.eye(3)
-    basis = U[:, :rank].T
-    return np.asarray(basis * np.sign(basis.sum(axis=1, keepdims=True)))

@@ -33,6 +33,7 @@ Integers = NDArray[np.int64]
 # What a step did beyond the plain law, as bits.
 DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY = 1, 2, 4, 8, 16, 32, 64
 EULER, HEUN, RK4 = 0, 1, 2
+FLOOR = 2e-3  # singular values, as a share of the damping, that a singular posture is left with
 FLEE = 0.02  # sine of the error that the law is told at least, where it would see none at 180 degrees
 
 
@@ -50,6 +51,8 @@ class Law(NamedTuple):
     """[m] of the arm: velocities are divided by it before they are compared with angular ones."""
     damping: float
     """Singular value of the scaled Jacobian below which it is damped."""
+    pull_max: float
+    """[1/s] fastest scaled twist that the joints' caps let the feedback reach."""
     linear_max: float
     angular_max: float
     speed_max: Floats
@@ -80,6 +83,7 @@ class _Scratch(NamedTuple):
     V: Floats
     x: Floats
     y: Floats
+    z: Floats
     tip: Floats
     """(4, 3) the tip's position and the columns n, s, a of its rotation."""
     error: Floats
@@ -98,6 +102,7 @@ def _scratch(n: int, m: int) -> _Scratch:
         np.empty((m, m)),
         np.empty((m, m)),
         np.empty(6),
+        np.empty(m),
         np.empty(m),
         np.empty((4, 3)),
         np.empty(5),
@@ -253,10 +258,11 @@ def _jacobi(G: Floats, V: Floats) -> None:
 
 
 @njit
-def _inverse(w: _Scratch, damping: float) -> bool:
-    """w.y: (A A^T)^-1 w.y over the free joints, with s/(s^2 + ..) = 2 s/(damping^2 + s^2) for small s; was it damped?
+def _inverse(w: _Scratch, damping: float, most: float) -> bool:
+    """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
-    That factor is 1/damping at most, continuous, and 1/s where nothing is damped.
+    w.y, what is asked for, has 2/(damping^2 + s^2) in place of 1/s^2 for small s, and ``most`` of it there at most:
+    speeds of |w.y|/damping at most, exact where nothing is damped. w.z, what the spare joints would do to it, is undone all the same.
     """
     m, n = w.A.shape
     A, G, C, y = w.A, w.G, w.C, w.y
@@ -270,6 +276,7 @@ def _inverse(w: _Scratch, damping: float) -> bool:
     # All singular values are above the damping exactly where this stays positive definite: no need to know them.
     if _cholesky(G, damping * damping, C) and _cholesky(G, 0.0, C):
         for i in range(m):
+            y[i] -= w.z[i]
             for k in range(i):
                 y[i] -= C[i, k] * y[k]
             y[i] /= C[i, i]
@@ -281,11 +288,27 @@ def _inverse(w: _Scratch, damping: float) -> bool:
     V = w.V
     _jacobi(G, V)
     for k in range(m):
-        C[0, k] = 0.0
+        asked = undone = 0.0
         for i in range(m):
-            C[0, k] += V[i, k] * y[i]
+            asked += V[i, k] * y[i]
+            undone += V[i, k] * w.z[i]
         square = max(G[k, k], 0.0)
-        C[0, k] *= 1.0 / square if square > damping * damping else 2.0 / (damping * damping + square)
+        if square > damping * damping:
+            asked /= square
+        else:
+            asked = 2.0 * min(max(asked, -most), most) / (damping * damping + square)
+            # An arm that is quite straight could not be bent again: its s is taken for a little at least.
+            size = 0.0
+            for j in range(n):
+                if w.free[j]:
+                    side = 0.0
+                    for i in range(m):
+                        side += A[i, j] * V[i, k]
+                    size += side * side
+            size = math.sqrt(size)
+            if 0.0 < size < FLOOR * damping:
+                asked *= FLOOR * damping / size
+        C[0, k] = asked - undone / (square + 1e-12)
     for i in range(m):
         y[i] = 0.0
         for k in range(m):
@@ -336,19 +359,23 @@ def _law(
         flags |= PROJECTED
     if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
         flags |= STRAY
-    damping = max(law.damping, math.sqrt(2.0 * targets.step * math.sqrt(pull)))
+    pull = min(math.sqrt(pull), law.pull_max)
+    damping = max(law.damping, math.sqrt(2.0 * targets.step * pull))
 
     for k in range(n):
         w.free[k] = True
         qd[k] = posture_rate[k]
     for _ in range(n + 1):
         for i in range(m):  # what the joints that are held leave to the others
-            w.y[i] = 0.0
+            w.y[i] = w.z[i] = 0.0
             for r in range(3):
                 w.y[i] += law.task[i, r] * x[r] / law.length + law.task[i, 3 + r] * x[3 + r]
             for k in range(n):
-                w.y[i] -= A[i, k] * qd[k]
-        damped = _inverse(w, damping)
+                if w.free[k]:
+                    w.z[i] += A[i, k] * qd[k]
+                else:
+                    w.y[i] -= A[i, k] * qd[k]
+        damped = _inverse(w, damping, law.pull_max)
         again = False
         for k in range(n):
             if not w.free[k]:
@@ -492,6 +519,7 @@ def error_bounds(
     law: Law,
     method: int,
     step: float,
+    loose: tuple[bool, bool],
     levers: Floats,
     bends: Floats,
     turns: Floats,
@@ -506,6 +534,7 @@ def error_bounds(
 ) -> None:
     """Bounds (T, 3) of the errors of a run, from the errors at its start in bounds[0]; see ``FeedbackIK``.
 
+    loose: the arm can move, or turn, the tip where the task does not look: no law for that error.
     levers (n,): how far a unit of each joint moves the tip at most; bends, turns (n, n): the same for the second
     derivatives of its position and its rotation. target_speed, target_turning (T - 1,): greatest in each step.
     """
@@ -535,7 +564,7 @@ def error_bounds(
                 if i != j:
                     spin += 0.5 * turns[i, j] * u[i] * u[j]
         plain = flags[k] & (DAMPED | TWIST | SPEED | LIMIT | STRAY)
-        if plain == 0:
+        if plain == 0 and not loose[0]:
             # What a stage at c h, reached from one at d h, may be off the linear law: half c^2 of the target's and of
             # the tip's acceleration, and c d of the Jacobian's and the feed-forward's change.
             change = bend + ff * acceleration
@@ -554,7 +583,7 @@ def error_bounds(
             bounds[k + 1, 0] = abs(R) * bounds[k, 0] + lag + off
         else:
             bounds[k + 1, 0] = bounds[k, 0] + step * (target_speed[k] + reach)
-        if plain == 0 and flags[k] & (ESCAPE | PROJECTED) == 0:
+        if plain == 0 and not loose[1] and flags[k] & (ESCAPE | PROJECTED) == 0:
             push = (1.0 - ff) * target_turning[k]
             fb = turning[k]
             change = step * (spin + angular_acceleration)
