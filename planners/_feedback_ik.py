@@ -188,8 +188,9 @@ class FeedbackIK:
         beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
         self._levers = np.where(model.prismatic, 1.0, beyond)
         turning = ~model.prismatic
-        inner, outer = np.minimum.outer(np.arange(arm.dof), np.arange(arm.dof)), np.maximum.outer(
-            np.arange(arm.dof), np.arange(arm.dof)
+        inner, outer = (
+            np.minimum.outer(np.arange(arm.dof), np.arange(arm.dof)),
+            np.maximum.outer(np.arange(arm.dof), np.arange(arm.dof)),
         )
         self._bends = np.where(turning[inner], self._levers[outer], 0.0)
         self._turns = np.outer(turning, turning).astype(np.float64)
@@ -230,53 +231,68 @@ class FeedbackIK:
         Raises:
             InputError: Unknown integrator; ``start`` has the wrong shape or breaks a position limit.
         """
-        if integrator not in INTEGRATORS:
-            raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
-        arm, law = self.arm, self._law
-        if law.feed_forward and target.differentiated:
-            law = law._replace(feed_forward=False)
-        first = np.asarray(start, dtype=np.float64)
-        if first.shape != (arm.dof,) or not np.isfinite(first).all():
-            raise InputError(f"start has shape {first.shape} or is not finite", remedy=f"give ({arm.dof},) numbers")
-        out = np.flatnonzero((first < arm.position_min) | (first > arm.position_max))
-        if len(out):
-            joint = arm.joint_names[int(out[0])]
-            raise InputError(
-                f"start {first[out[0]]:.6g} of joint {joint!r} is outside its range", remedy="start inside the limits"
-            )
-        count, n = (len(target.position) + 1) // 2, arm.dof
-        q, qd, errors = np.empty((count, n)), np.empty((count, n)), np.empty((count, 3))
-        fastest, turning = np.empty((count - 1, n)), np.empty(count - 1)
-        flags = np.zeros(count, dtype=np.int64)
-        q[0] = first
-        samples = loops.Targets(
-            target.position, target.rotation, target.velocity, target.angular_velocity, 2, target.step
-        )
-        method = INTEGRATORS.index(integrator)
-        loops.track(arm.model, law, method, samples, q, qd, errors, fastest, turning, flags)
-        bounds = self._bounds(law, method, target, errors[0], fastest, turning, flags)
-        for array in (q, qd, errors, flags):
-            array.setflags(write=False)
-        return IKRun(
-            time=target.time,
-            q=q,
-            qd=qd,
-            position_error=errors[:, 0],
-            approach_error=errors[:, 1],
-            orientation_error=errors[:, 2],
-            flags=flags,
-            bounds=bounds,
-        )
+        return self.track_many([target], np.asarray(start, dtype=np.float64)[None], integrator=integrator)[0]
 
     def track_many(
         self, targets: Sequence[PoseTarget], starts: ArrayLike, *, integrator: Integrator = "rk4"
     ) -> tuple[IKRun, ...]:
-        """``track`` for targets and starts (B, n) in pairs."""
-        rows = np.asarray(starts, dtype=np.float64)
-        if rows.shape != (len(targets), self.arm.dof):
-            raise InputError(f"starts have shape {rows.shape}", remedy=f"give ({len(targets)}, {self.arm.dof})")
+        """``track`` for targets and starts (B, n) in pairs, in one compiled loop; targets of one step and length.
+
+        Raises:
+            InputError: As of ``track``; targets whose steps or lengths differ.
+        """
+        if integrator not in INTEGRATORS:
+            raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
+        arm, law = self.arm, self._law
+        first = np.array(starts, dtype=np.float64)
+        if not targets or first.shape != (len(targets), arm.dof) or not np.isfinite(first).all():
+            raise InputError(
+                f"{len(targets)} targets, starts of shape {first.shape} or not finite",
+                remedy=f"give one start of {arm.dof} joints for each target",
+            )
+        out = np.argwhere((first < arm.position_min) | (first > arm.position_max))
+        if len(out):
+            row, joint = out[0]
+            raise InputError(
+                f"start {first[row, joint]:.6g} of joint {arm.joint_names[joint]!r} is outside its range",
+                remedy="start inside the limits",
+            )
+        h, differentiated = targets[0].step, targets[0].differentiated
+        if any(t.step != h or len(t.position) != len(targets[0].position) for t in targets):
+            raise InputError("the targets differ in step or length", remedy="sample them alike")
+        if any(t.differentiated != differentiated for t in targets):
+            raise InputError("some targets have rates, some have none", remedy="give rates for all or none")
+        if differentiated:
+            law = law._replace(feed_forward=False)
+        samples = loops.Targets(
+            np.stack([t.position for t in targets]),
+            np.stack([t.rotation for t in targets]),
+            np.stack([t.velocity for t in targets]),
+            np.stack([t.angular_velocity for t in targets]),
+            2,
+            h,
+        )
+        lead = (len(targets), (len(targets[0].position) + 1) // 2)
+        steps = (lead[0], lead[1] - 1)
+        q, qd, errors = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.empty((*lead, 3))
+        fastest, turning, flags = np.empty((*steps, arm.dof)), np.empty(steps), np.zeros(lead, dtype=np.int64)
+        q[:, 0] = first
+        method = INTEGRATORS.index(integrator)
+        loops.track_many(arm.model, law, method, samples, q, qd, errors, fastest, turning, flags)
+        for array in (q, qd, errors, flags):
+            array.setflags(write=False)
         return tuple(
-            self.track(target, row, integrator=integrator) for target, row in zip(targets, rows, strict=True)
+            IKRun(
+                time=target.time,
+                q=q[b],
+                qd=qd[b],
+                position_error=errors[b, :, 0],
+                approach_error=errors[b, :, 1],
+                orientation_error=errors[b, :, 2],
+                flags=flags[b],
+                bounds=self._bounds(law, method, target, errors[b, 0], fastest[b], turning[b], flags[b]),
+            )
+            for b, target in enumerate(targets)
         )
 
     def _bounds(

@@ -25,6 +25,7 @@ __all__ = [
     "Targets",
     "error_bounds",
     "track",
+    "track_many",
 ]
 
 Floats = NDArray[np.float64]
@@ -490,6 +491,32 @@ def track(
             q[k + 1, i] = moved
         turning[k] = turn
         flags[k] = flag
+
+
+@njit
+def track_many(
+    model: ArmModel,
+    law: Law,
+    method: int,
+    targets: Targets,
+    q: Floats,
+    qd: Floats,
+    errors: Floats,
+    fastest: Floats,
+    turning: Floats,
+    flags: Integers,
+) -> None:
+    """``track`` for each of the first axis of all arrays (B, ...)."""
+    for b in range(q.shape[0]):
+        one = Targets(
+            targets.position[b],
+            targets.rotation[b],
+            targets.velocity[b],
+            targets.angular_velocity[b],
+            targets.stride,
+            targets.step,
+        )
+        track(model, law, method, one, q[b], qd[b], errors[b], fastest[b], turning[b], flags[b])
 
 
 @njit

@@ -91,6 +91,7 @@ class PoseTarget:
                 f"samples of shapes {p.shape} and {R.shape}, step {step} s",
                 remedy="give two or more positions (T, 3), as many rotations (T, 3, 3), and a step > 0",
             )
+        _check_rotations(R)
         turn = Rotation.from_matrix(R)
         between = (turn[1:] * turn[:-1].inv()).as_rotvec()
         if velocity is None or angular_velocity is None:
@@ -138,9 +139,7 @@ class PoseTarget:
             )
         if not all(np.isfinite(a).all() for a in (p, R, v, w)):
             raise InputError("the target is not finite", remedy="give finite numbers")
-        off = float(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max())
-        if off > 1e-9 or not (np.linalg.det(R) > 0.0).all():
-            raise InputError(f"the target's rotations are none (by {off:.3g})", remedy="give orthonormal right-handed R")
+        _check_rotations(R)
         for array in (p, R, v, w):
             array.setflags(write=False)
         change, turning = (2.0 * np.linalg.norm(np.diff(a, axis=0), axis=1).max() / step for a in (v, w))
@@ -163,3 +162,9 @@ class PoseTarget:
     def time(self) -> Array:
         """(T,) [s]."""
         return self.step * np.arange((len(self.position) + 1) // 2)
+
+
+def _check_rotations(R: Array) -> None:
+    off = float(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max())
+    if not off <= 1e-9 or not (np.linalg.det(R) > 0.0).all():
+        raise InputError(f"the target's rotations are none (by {off:.3g})", remedy="give orthonormal right-handed R")

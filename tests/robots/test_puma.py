@@ -20,7 +20,14 @@ NAMES = ("puma560", "puma560_chung")
 HALF = np.pi / 2
 # Standard Denavit-Hartenberg rows (d, a, alpha): Corke, Armstrong-Helouvry 1994; the lengths of Chung et al.
 DH = {
-    "puma560": [(0.672, 0, HALF), (0, 0.4318, 0), (0.15005, 0.0203, -HALF), (0.4318, 0, HALF), (0, 0, -HALF), (0, 0, 0)],
+    "puma560": [
+        (0.672, 0, HALF),
+        (0, 0.4318, 0),
+        (0.15005, 0.0203, -HALF),
+        (0.4318, 0, HALF),
+        (0, 0, -HALF),
+        (0, 0, 0),
+    ],
     "puma560_chung": [(0.66, 0, HALF), (0, 0.55, 0), (0.13, 0, -HALF), (0.45, 0, HALF), (0, 0, -HALF), (0, 0, 0)],
 }
 

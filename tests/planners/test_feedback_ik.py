@@ -1,0 +1,399 @@
+"""FeedbackIK: the paper's run and its figures, the law's exact solutions, bounds, caps, singularities, other arms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet_data
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from armtempo.configs import data_path
+from armtempo.errors import InputError
+from armtempo.planners import FeedbackIK, IKGains, IKRun, Integrator, PoseTarget, SphericalWristIK
+from armtempo.robots import Arm
+
+Floats = NDArray[np.float64]
+DATA = Path(pybullet_data.getDataPath())
+FAST = np.full(6, 1e4)
+Q = np.array([0.2, 0.5, -0.6, 0.3, 0.9, 0.1])  # far from all singularities
+
+# The paper's path and orientation (a_d = y, n_d = z), from rest at t = 0.
+MIDDLE, AMPLITUDE = np.array([0.45, -0.05, 0.55]), np.array([0.25, 0.45, 0.45])
+UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+PERIOD = 4 * np.pi
+
+
+def paper(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    c, s = np.cos(0.5 * t)[:, None], np.sin(0.5 * t)[:, None]
+    return MIDDLE + AMPLITUDE * c, fixed(UPRIGHT, t), -0.5 * AMPLITUDE * s, np.zeros((len(t), 3))
+
+
+def fixed(value: Floats, t: Floats) -> Floats:
+    return np.broadcast_to(value, (len(t), *value.shape))
+
+
+def held_pose(T: Floats) -> Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]:
+    return lambda t: (fixed(T[:3, 3], t), fixed(T[:3, :3], t), np.zeros((len(t), 3)), np.zeros((len(t), 3)))
+
+
+def turning(T: Floats, w: Floats) -> Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]:
+    """The position of T, and its orientation turning at w."""
+
+    def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        R = Rotation.from_rotvec(t[:, None] * w).as_matrix() @ T[:3, :3]
+        return fixed(T[:3, 3], t), R, np.zeros((len(t), 3)), fixed(w, t)
+
+    return motion
+
+
+def joint_motion(arm: Arm, start: Floats, end: Floats, duration: float) -> Callable[[Floats], Any]:
+    """The poses of a smooth motion in joint space, and their exact rates."""
+
+    def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        u = np.clip(t / duration, 0.0, 1.0)[:, None]
+        q = start + u**3 * (10 - 15 * u + 6 * u * u) * (end - start)
+        qd = 30 * (u * (1 - u)) ** 2 / duration * (end - start)
+        T, J = arm.tip_pose(q), arm.jacobian(q)
+        twist = np.einsum("kij,kj->ki", J, qd)
+        return T[:, :3, 3], T[:, :3, :3], twist[:, :3], twist[:, 3:]
+
+    return motion
+
+
+@pytest.fixture(scope="module")
+def puma() -> Arm:
+    return Arm.from_urdf(data_path("robots/puma560_chung.urdf"))
+
+
+@pytest.fixture(scope="module")
+def start(puma: Arm) -> Floats:
+    """The best-conditioned branch at the start of the paper's path."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = UPRIGHT, MIDDLE + AMPLITUDE
+    return SphericalWristIK(puma).solve(T)[0]
+
+
+def check(run: IKRun, arm: Arm) -> None:
+    """What every run keeps: finite numbers, caps, limits, bounds."""
+    assert np.isfinite(run.q).all()
+    moved = np.abs(np.diff(run.q, axis=0)) / run.time[1]
+    assert (moved <= run.bounds.joint_speed * (1 + 1e-9)).all()
+    assert (np.abs(run.qd) <= run.bounds.joint_speed).all()
+    assert (run.q >= arm.position_min).all()
+    assert (run.q <= arm.position_max).all()
+    assert all(run.held.values()), run.held
+
+
+@pytest.mark.parametrize(
+    ("feed_forward", "integrator", "step", "low_mm", "high_mm", "turned"),
+    [
+        (False, "rk4", 0.001, 6.716 * 0.999, 6.716 * 1.001, 1e-4),
+        (True, "euler", 0.001, 3.03e-3, 3.05e-3, 1e-4),
+        (True, "euler", 0.01, 3.03e-2, 3.05e-2, 1e-3),
+        (True, "heun", 0.01, 0.9e-2, 1.1e-2, 1e-4),
+        (True, "rk4", 0.01, 0.5e-4, 2e-4, 1e-7),
+        (True, "rk4", 0.001, 0.0, 2e-8, 1e-11),
+    ],
+)
+def test_the_papers_run(
+    puma: Arm,
+    start: Floats,
+    feed_forward: bool,
+    integrator: Integrator,
+    step: float,
+    low_mm: float,
+    high_mm: float,
+    turned: float,
+) -> None:
+    target = PoseTarget.sample(paper, PERIOD, step)
+    run = FeedbackIK(puma, feed_forward=feed_forward).track(target, start, integrator=integrator)
+    check(run, puma)
+    assert not any(run.share.values())
+    late = run.time > 1.0
+    assert low_mm <= 1e3 * run.position_error[late].max() <= high_mm
+    assert run.orientation_error[late].max() < turned
+    if integrator == "euler" or not feed_forward:  # for the others the integrator's part is generous
+        assert run.bounds.position[late].max() < (6.0 if feed_forward else 1.005) * run.position_error[late].max()
+    np.testing.assert_allclose(np.abs(run.qd[late]).max(), 0.7057, atol=2e-3)
+    assert SphericalWristIK(puma).branch(run.q).max() == 0
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("euler", 1), ("heun", 2), ("rk4", 4)])
+def test_order_of_the_integrators(puma: Arm, integrator: Integrator, order: int) -> None:
+    """Against targets that move and turn, both fed forward."""
+    motion = joint_motion(puma, Q, Q + [0.4, -0.3, 0.5, 0.4, -0.3, 0.5], 2.0)
+    ik = FeedbackIK(puma)
+    errors = []
+    for step in (0.008, 0.004):
+        run = ik.track(PoseTarget.sample(motion, 1.8, step), Q, integrator=integrator)
+        check(run, puma)
+        late = run.time > 0.9
+        errors.append((run.position_error[late].max(), run.orientation_error[late].max()))
+    rates = np.log2(np.divide(*errors))
+    assert (np.abs(rates - order) < 0.35).all(), (rates, errors)
+
+
+def test_euler_is_one_newton_step_at_gain_1_and_unstable_beyond_2(puma: Arm) -> None:
+    T = puma.tip_pose(Q)
+    T[:3, 3] += 1e-3
+    for rate, steady in ((1.9, True), (2.1, False)):
+        gains = IKGains(position=rate / 0.01)
+        ik = FeedbackIK(puma, gains, joint_speed_max=FAST)
+        run = ik.track(PoseTarget.sample(held_pose(T), 1.0, 0.01), Q, integrator="euler")
+        assert (run.position_error[-1] < 1e-6) == steady
+        if not steady:
+            np.testing.assert_allclose(run.position_error[5] / run.position_error[4], 1.1, rtol=1e-2)
+    newton = FeedbackIK(puma, IKGains(position=100.0), joint_speed_max=FAST).track(
+        PoseTarget.sample(held_pose(T), 0.05, 0.01), Q, integrator="euler"
+    )
+    assert newton.position_error[2] < 30 * newton.position_error[1] ** 2  # quadratic
+
+
+@pytest.mark.parametrize("angle", [0.2, 1.0, 2.5])
+def test_a_fixed_target_is_approached_as_the_exact_law_has_it(puma: Arm, angle: float) -> None:
+    T = puma.tip_pose(Q)
+    T[:3, :3] = Rotation.from_rotvec(angle * T[:3, 0]).as_matrix() @ T[:3, :3]  # about n: tilts a
+    ik = FeedbackIK(puma, joint_speed_max=FAST, damping=1e-6)
+    run = ik.track(PoseTarget.sample(held_pose(T), 0.3, 2e-4), Q)
+    law = 2 * np.arctan(np.tan(0.5 * angle) * np.exp(-20.0 * run.time))
+    np.testing.assert_allclose(np.tan(0.5 * run.approach_error), np.tan(0.5 * law), rtol=1e-6, atol=1e-12)
+    paper_bound = angle * np.exp(-20.0 * run.time)  # its eq. (3.4), a first-order one
+    np.testing.assert_allclose((run.approach_error / paper_bound)[-1], 2 * np.tan(0.5 * angle) / angle, rtol=1e-3)
+
+
+def test_a_turning_target_is_followed_at_arcsine_or_lost(puma: Arm) -> None:
+    T = puma.tip_pose(Q)
+    wide = Arm.from_urdf(puma.urdf, position_limits=[[-100.0, 100.0]] * 6)
+    ik = FeedbackIK(wide, IKGains(approach=20.0, normal=20.0), feed_forward=False, joint_speed_max=FAST, damping=1e-6)
+    for w in (5.0, 10.0, 19.0):
+        target = PoseTarget.sample(turning(T, w * T[:3, 2]), 3.0, 1e-3)  # about a: the wrist's last axis
+        run = ik.track(target, Q)
+        np.testing.assert_allclose(run.orientation_error[-1], np.arcsin(w / 20.0), rtol=5e-3)
+        np.testing.assert_allclose(run.bounds.ultimate_approach, np.arcsin(w / 20.0), rtol=1e-6)
+        assert run.bounds.ultimate_orientation >= run.orientation_error[-1]
+        check(run, wide)
+    lost = ik.track(PoseTarget.sample(turning(T, 22.0 * T[:3, 2]), 2.0, 1e-3), Q)
+    assert lost.orientation_error.max() > 3.0
+    assert lost.bounds.ultimate_approach == np.pi
+    check(lost, wide)
+    fed = FeedbackIK(wide, joint_speed_max=FAST).track(PoseTarget.sample(turning(T, 22.0 * T[:3, 2]), 0.5, 1e-3), Q)
+    assert fed.orientation_error.max() < 1e-9
+
+
+@pytest.mark.parametrize("error", ["axes", "quaternion"])
+def test_a_half_turn_is_no_trap(puma: Arm, error: Any) -> None:
+    T = puma.tip_pose(Q)
+    for axis in np.eye(3):
+        for short in (0.0, 1e-12, 1e-6):
+            goal = T.copy()
+            goal[:3, :3] = Rotation.from_rotvec((np.pi - short) * (T[:3, :3] @ axis)).as_matrix() @ T[:3, :3]
+            run = FeedbackIK(puma, error=error).track(PoseTarget.sample(held_pose(goal), 3.0, 2e-3), Q)
+            assert run.orientation_error[0] > 3.1
+            assert run.orientation_error[-1] < 1e-6
+            check(run, puma)
+
+
+def outwards(p: Floats, R: Floats, direction: Floats) -> Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]:
+    """0.8 m along ``direction`` within 1 s, 1 s there, and back within 1 s."""
+
+    def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        u, back = np.clip(t, 0, 1)[:, None], np.clip(t - 2.0, 0, 1)[:, None]
+        x = 0.8 * (u**3 * (10 - 15 * u + 6 * u * u) - back**3 * (10 - 15 * back + 6 * back**2))
+        v = 0.8 * 30 * ((u * (1 - u)) ** 2 - (back * (1 - back)) ** 2)
+        return p + x * direction, fixed(R, t), v * direction, np.zeros((len(t), 3))
+
+    return motion
+
+
+@pytest.mark.parametrize("task", ["position", "pose"])
+@pytest.mark.parametrize(("integrator", "step"), [("euler", 0.001), ("rk4", 0.01)])
+def test_out_of_the_workspace_and_back(puma: Arm, task: Any, integrator: Integrator, step: float) -> None:
+    T = puma.tip_pose(Q)
+    direction = T[:3, 3] - [0.0, 0.0, 0.66]
+    direction /= np.linalg.norm(direction)
+    target = PoseTarget.sample(outwards(T[:3, 3], T[:3, :3], direction), 4.0, step)
+    run = FeedbackIK(puma, task=task).track(target, Q, integrator=integrator)
+    check(run, puma)
+    outside = round(2.0 / step)  # the target has been held for 1 s
+    far = T[:3, 3] + 0.8 * direction
+    least = minimize(lambda q: float(np.linalg.norm(puma.tip_pose(q)[:3, 3] - far)), run.q[outside]).fun
+    assert least > 0.5
+    assert run.position_error[outside] < 1.01 * least
+    assert run.position_error[-1] < 1e-9
+    if task == "pose":
+        assert run.orientation_error[-1] < 1e-6
+
+
+def test_past_the_wrist_singularity(puma: Arm) -> None:
+    """The tool turns so that the wrist passes its straight posture at 0.01 rad: an exact inverse would spin."""
+    straight = Q * [1, 1, 1, 1, 0, 1]
+    T = puma.tip_pose(straight)
+    worst = np.linalg.svd(puma.jacobian(straight))[0][3:, -1]
+    worst /= np.linalg.norm(worst)
+    aside = np.cross(worst, [0.0, 0.0, 1.0])
+    T[:3, :3] = Rotation.from_rotvec(0.01 * aside / np.linalg.norm(aside)).as_matrix() @ T[:3, :3]
+    before = T.copy()
+    before[:3, :3] = Rotation.from_rotvec(-0.6 * worst).as_matrix() @ T[:3, :3]
+    answers = SphericalWristIK(puma).solve(before)
+    first = answers[np.nanargmin(np.abs(answers - straight).max(axis=1))]
+    for integrator, step in (("euler", 0.001), ("rk4", 0.01)):
+        target = PoseTarget.sample(turning(before, 0.6 * worst), 3.0, step)
+        run = FeedbackIK(puma).track(target, first, integrator=integrator)  # type: ignore[arg-type]
+        check(run, puma)
+        assert run.share["damped"] > 0.05
+        assert run.orientation_error.max() < 0.02
+        assert run.position_error.max() < 0.01
+        assert run.position_error[-1] < 1e-9
+
+
+ARMS: dict[str, tuple[Path, str | None]] = {
+    "panda": (DATA / "franka_panda" / "panda.urdf", "panda_hand"),
+    "iiwa": (DATA / "kuka_iiwa" / "model.urdf", None),
+    "ur5e": (data_path("robots/ur5e_like.urdf"), None),
+    "puma": (data_path("robots/puma560.urdf"), None),
+    "scara": (data_path("robots/scara_800.urdf"), "tool"),
+    "planar": (data_path("robots/planar_two_link.urdf"), None),
+}
+ROWS = {"panda": 6, "iiwa": 6, "ur5e": 6, "puma": 6, "scara": 4, "planar": 2}
+LOADED: dict[str, Arm] = {}
+
+
+def loaded(name: str) -> Arm:
+    if name not in LOADED:
+        urdf, tip = ARMS[name]
+        LOADED[name] = Arm.from_urdf(urdf, tip_link=tip)
+    return LOADED[name]
+
+
+def postures(arm: Arm, random: np.random.Generator) -> tuple[Floats, Floats]:
+    low, high = np.maximum(arm.position_min, -2.5), np.minimum(arm.position_max, 2.5)
+    first = random.uniform(0.9 * low + 0.1 * high, 0.1 * low + 0.9 * high)
+    return first, np.clip(first + random.uniform(-0.15, 0.15, arm.dof) * (high - low), low, high)
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(
+    name=st.sampled_from(sorted(ARMS)),
+    seed=st.integers(0, 10**6),
+    integrator=st.sampled_from(["euler", "heun", "rk4"]),
+    error=st.sampled_from(["axes", "quaternion"]),
+    feed_forward=st.booleans(),
+    step=st.sampled_from([0.001, 0.004, 0.01]),
+    gain=st.floats(2.0, 60.0),
+)
+def test_caps_limits_and_bounds_hold_whatever_is_asked(
+    name: str, seed: int, integrator: Any, error: Any, feed_forward: bool, step: float, gain: float
+) -> None:
+    arm, random = loaded(name), np.random.default_rng(seed)
+    first, last = postures(arm, random)
+    gains = IKGains(position=gain, approach=gain * random.uniform(0.3, 1.0), normal=gain * random.uniform(0.3, 1.0))
+    ik = FeedbackIK(arm, gains, error=error, feed_forward=feed_forward)
+    assert ik.task.shape == (ROWS[name], 6)
+    away = np.clip(first + random.uniform(-0.4, 0.4, arm.dof), arm.position_min, arm.position_max)
+    begin = away if random.random() < 0.5 else first
+    target = PoseTarget.sample(joint_motion(arm, first, last, 0.5), 0.6, step)
+    check(ik.track(target, begin, integrator=integrator), arm)
+
+
+@pytest.mark.parametrize("name", ["panda", "scara", "planar", "ur5e"])
+def test_other_arms_follow_exactly(name: str) -> None:
+    arm = loaded(name)
+    first = {
+        "panda": [0.1, -0.5, 0.3, -2.0, 0.2, 1.6, 0.4],
+        "scara": [0.3, 1.2, -0.1, 0.5],
+        "planar": [0.4, 1.1],
+        "ur5e": [0.2, -1.2, 1.5, -0.6, 1.0, 0.3],
+    }[name]
+    start = np.array(first)
+    end = start + 0.3 * np.where(arm.model.prismatic, 0.2, 1.0)
+    run = FeedbackIK(arm).track(PoseTarget.sample(joint_motion(arm, start, end, 1.0), 1.2, 0.002), start)
+    check(run, arm)
+    assert run.position_error.max() < 1e-8
+    if name != "planar":
+        assert run.orientation_error.max() < 1e-8
+
+
+def test_spare_joints_go_to_the_posture_without_moving_the_tool() -> None:
+    panda = loaded("panda")
+    start = np.array([0.1, -0.5, 0.3, -2.0, 0.2, 1.6, 0.4])
+    rest = start + [0.3, 0.2, -0.4, 0.0, 0.1, 0.0, 0.0]
+    target = PoseTarget.sample(held_pose(panda.tip_pose(start)), 4.0, 0.004)
+    still = FeedbackIK(panda, posture_gain=0.0).track(target, start)
+    moved = FeedbackIK(panda, posture=rest, posture_gain=2.0).track(target, start)
+    assert np.abs(still.q - start).max() < 1e-9
+    assert moved.position_error.max() < 1e-6
+    assert moved.orientation_error.max() < 1e-6
+    assert np.linalg.norm(moved.q[-1] - rest) < 0.8 * np.linalg.norm(start - rest)
+    # Where it rests, what the posture still wants the task forbids.
+    J = panda.jacobian(moved.q[-1])
+    left = rest - moved.q[-1]
+    assert np.linalg.norm(left - np.linalg.pinv(J) @ (J @ left)) < 2e-3
+
+
+def test_joint_limits_stop_a_joint_and_the_others_go_on(puma: Arm) -> None:
+    """The waist may not turn far enough; in a position task the tip gets as near as the rest can."""
+    arm = Arm.from_urdf(puma.urdf, position_limits=[[-0.5, 0.5], *[[-6.0, 6.0]] * 5])
+    far = arm.tip_pose(Q)
+    far[:3, 3] = Rotation.from_rotvec([0.0, 0.0, 0.8]).as_matrix() @ far[:3, 3]
+    run = FeedbackIK(arm, task="position").track(PoseTarget.sample(held_pose(far), 4.0, 0.004), Q)
+    check(run, arm)
+    assert run.share["limit"] > 0.5
+    assert run.q[-1, 0] == 0.5
+    bounds = list(zip(arm.position_min, arm.position_max, strict=True))
+    least = minimize(
+        lambda q: float(np.linalg.norm(arm.tip_pose(q)[:3, 3] - far[:3, 3])),
+        run.q[-1],
+        bounds=bounds,
+        method="L-BFGS-B",
+    ).fun
+    assert run.position_error[-1] < 1.01 * least
+
+
+def test_samples_alone_and_samples_with_rates(puma: Arm) -> None:
+    motion = joint_motion(puma, Q, Q + 0.4, 1.0)
+    exact = PoseTarget.sample(motion, 1.0, 0.01)
+    p, R, v, w = (np.asarray(values)[::2] for values in motion(0.005 * np.arange(201)))
+    cubic = PoseTarget.through(p, R, 0.01, velocity=v, angular_velocity=w)
+    bare = PoseTarget.through(p, R, 0.01)
+    assert np.abs(cubic.position - exact.position).max() < 1e-7
+    assert np.abs(cubic.rotation - exact.rotation).max() < 1e-7
+    assert np.abs(cubic.angular_velocity - exact.angular_velocity).max() < 1e-4
+    ik = FeedbackIK(puma)
+    assert np.abs(ik.track(cubic, Q).q - ik.track(exact, Q).q).max() < 1e-6
+    lag = ik.track(bare, Q)
+    check(lag, puma)
+    assert 1e-4 < lag.position_error.max() <= lag.bounds.ultimate_position
+
+
+def test_a_batch_is_its_runs(puma: Arm) -> None:
+    ik = FeedbackIK(puma)
+    targets = [PoseTarget.sample(joint_motion(puma, Q, Q + x, 0.3), 0.3, 0.01) for x in (0.1, 0.2, 0.3)]
+    starts = np.stack([Q, Q + 0.01, Q - 0.01])
+    for run, target, first in zip(ik.track_many(targets, starts), targets, starts, strict=True):
+        assert np.array_equal(run.q, ik.track(target, first).q)
+
+
+def test_what_cannot_be_used_is_named(puma: Arm) -> None:
+    target = PoseTarget.sample(held_pose(puma.tip_pose(Q)), 0.1, 0.01)
+    with pytest.raises(InputError, match="gain approach"):
+        IKGains(approach=0.0)
+    with pytest.raises(InputError, match="damping"):
+        FeedbackIK(puma, damping=0.0)
+    with pytest.raises(InputError, match="task rows"):
+        FeedbackIK(puma, task=np.ones((1, 6)))
+    with pytest.raises(InputError, match="integrator"):
+        FeedbackIK(puma).track(target, Q, integrator="rk5")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="joint 'waist_joint' is outside"):
+        FeedbackIK(puma).track(target, Q + 7.0)
+    with pytest.raises(InputError, match="rotations"):
+        PoseTarget.through(np.zeros((3, 3)), np.ones((3, 3, 3)), 0.01)
+    with pytest.raises(InputError, match="step"):
+        PoseTarget.sample(held_pose(np.eye(4)), 1.0, 0.0)
