@@ -194,6 +194,16 @@ def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
 
 
 @njit
+def _asked(law: Law, x: Floats, i: int) -> float:
+    """Row i of the scaled task's part of a twist; six rows are all of it, whatever their axes."""
+    if law.task.shape[0] == 6:
+        return x[i] / law.length if i < 3 else x[i]
+    row = law.task[i]
+    linear = row[0] * x[0] + row[1] * x[1] + row[2] * x[2]
+    return linear / law.length + row[3] * x[3] + row[4] * x[4] + row[5] * x[5]
+
+
+@njit
 def _cap(x: Floats, first: int, most: float) -> bool:
     size = math.sqrt(x[first] ** 2 + x[first + 1] ** 2 + x[first + 2] ** 2)
     if size <= most:
@@ -263,7 +273,8 @@ def _inverse(w: _Scratch, damping: float, most: float) -> bool:
     """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
     w.y, what is asked for, has 2/(damping^2 + s^2) in place of 1/s^2 for small s, and ``most`` of it there at most:
-    speeds of |w.y|/damping at most, exact where nothing is damped. w.z, what the spare joints would do to it, is undone all the same.
+    speeds of |w.y|/damping at most, exact where nothing is damped. w.z, what the spare joints would do to it, is undone
+    all the same.
     """
     m, n = w.A.shape
     A, G, C, y = w.A, w.G, w.C, w.y
@@ -335,10 +346,7 @@ def _law(
     # A step must not jump across a singular posture: the faster the feedback would have the tip, the more is damped.
     pull = 0.0
     for i in range(m):
-        value = 0.0
-        for r in range(3):
-            value += law.task[i, r] * x[r] / law.length + law.task[i, 3 + r] * x[3 + r]
-        pull += value * value
+        pull += _asked(law, x, i) ** 2
     if law.feed_forward:
         for r in range(3):
             x[r] += targets.velocity[at, r]
@@ -348,14 +356,21 @@ def _law(
     if _cap(x, 3, law.angular_max):
         flags |= TWIST
     # What the task leaves out of the asked twist, in its two halves.
-    astray = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    left = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
-    for i in range(m):
-        astray -= (law.task[i, 0] * x[0] + law.task[i, 1] * x[1] + law.task[i, 2] * x[2]) ** 2
-        left -= (law.task[i, 3] * x[3] + law.task[i, 4] * x[4] + law.task[i, 5] * x[5]) ** 2
+    astray = left = 0.0
+    if m == 6:
         for k in range(n):
-            A[i, k] = (law.task[i, 0] * J[0, k] + law.task[i, 1] * J[1, k] + law.task[i, 2] * J[2, k]) / law.length
-            A[i, k] += law.task[i, 3] * J[3, k] + law.task[i, 4] * J[4, k] + law.task[i, 5] * J[5, k]
+            for r in range(3):
+                A[r, k], A[3 + r, k] = J[r, k] / law.length, J[3 + r, k]
+    else:
+        astray = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+        left = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
+        for i in range(m):
+            row = law.task[i]
+            astray -= (row[0] * x[0] + row[1] * x[1] + row[2] * x[2]) ** 2
+            left -= (row[3] * x[3] + row[4] * x[4] + row[5] * x[5]) ** 2
+            for k in range(n):
+                A[i, k] = (row[0] * J[0, k] + row[1] * J[1, k] + row[2] * J[2, k]) / law.length
+                A[i, k] += row[3] * J[3, k] + row[4] * J[4, k] + row[5] * J[5, k]
     if left > 1e-14 * (1.0 + x[3] * x[3] + x[4] * x[4] + x[5] * x[5]):
         flags |= PROJECTED
     if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
@@ -368,9 +383,7 @@ def _law(
         qd[k] = posture_rate[k]
     for _ in range(n + 1):
         for i in range(m):  # what the joints that are held leave to the others
-            w.y[i] = w.z[i] = 0.0
-            for r in range(3):
-                w.y[i] += law.task[i, r] * x[r] / law.length + law.task[i, 3 + r] * x[3 + r]
+            w.y[i], w.z[i] = _asked(law, x, i), 0.0
             for k in range(n):
                 if w.free[k]:
                     w.z[i] += A[i, k] * qd[k]
@@ -482,7 +495,7 @@ def track(
                 speed, most = 0.5 * (k1[i] + k2[i]), max(most, abs(k2[i]))
             elif method == RK4:
                 speed = (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
-                most = max(max(most, abs(k2[i])), max(abs(k3[i]), abs(k4[i])))
+                most = max(most, abs(k2[i]), abs(k3[i]), abs(k4[i]))
             fastest[k, i] = most
             moved = q[k, i] + h * speed
             if moved < law.position_min[i] or moved > law.position_max[i]:
@@ -521,7 +534,7 @@ def track_many(
 
 @njit
 def _decay(x: float, gain: float, cross: float, push: float, h: float) -> float:
-    """x' = -gain sin x + cross (1 - cos x) + push after h, exactly; pi where it gets there.
+    """X' = -gain sin x + cross (1 - cos x) + push after h, exactly; pi where it gets there.
 
     With t = tan(x/2) a Riccati equation: t' = (cross + push/2) t^2 - gain t + push/2, t = N/M with N, M linear.
     """

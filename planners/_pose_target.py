@@ -63,7 +63,7 @@ class PoseTarget:
         if not (0.0 < step < np.inf and 0.5 * step <= duration < np.inf):
             raise InputError(f"duration {duration} s, step {step} s", remedy="give a step > 0 and a longer duration")
         rows = 2 * round(duration / step) + 1
-        p, R, v, w = motion(0.5 * step * np.arange(rows))
+        p, R, v, w = motion(np.asarray(0.5 * step * np.arange(rows), dtype=np.float64))
         return cls._make(step, p, R, v, w, acceleration, angular_acceleration)
 
     @classmethod
@@ -161,7 +161,7 @@ class PoseTarget:
     @property
     def time(self) -> Array:
         """(T,) [s]."""
-        return self.step * np.arange((len(self.position) + 1) // 2)
+        return np.asarray(self.step * np.arange((len(self.position) + 1) // 2), dtype=np.float64)
 
 
 def _check_rotations(R: Array) -> None:

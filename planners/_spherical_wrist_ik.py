@@ -183,4 +183,4 @@ def _turn(axis: Array, angle: ArrayLike) -> Array:
 def _angle(axis: Array, start: Array, end: Array) -> Array:
     """The turn about a unit axis that takes the directions ``start`` (..., 3) to ``end``, seen along it."""
     a, b = (v - (v @ axis)[..., None] * axis for v in (start, end))
-    return np.arctan2(np.cross(a, b) @ axis, (a * b).sum(axis=-1))
+    return np.asarray(np.arctan2(np.cross(a, b) @ axis, (a * b).sum(axis=-1)))

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from armtempo.configs import data_path
 from armtempo.errors import InputError
 from armtempo.planners import FeedbackIK, IKGains, IKRun, Integrator, PoseTarget, SphericalWristIK
+from armtempo.planners import _feedback_ik_kernels as loops
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -78,7 +79,7 @@ def start(puma: Arm) -> Floats:
     """The best-conditioned branch at the start of the paper's path."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = UPRIGHT, MIDDLE + AMPLITUDE
-    return SphericalWristIK(puma).solve(T)[0]
+    return np.asarray(SphericalWristIK(puma).solve(T)[0])
 
 
 def check(run: IKRun, arm: Arm) -> None:
@@ -129,7 +130,7 @@ def test_the_papers_run(
 @pytest.mark.parametrize(("integrator", "order"), [("euler", 1), ("heun", 2), ("rk4", 4)])
 def test_order_of_the_integrators(puma: Arm, integrator: Integrator, order: int) -> None:
     """Against targets that move and turn, both fed forward."""
-    motion = joint_motion(puma, Q, Q + [0.4, -0.3, 0.5, 0.4, -0.3, 0.5], 2.0)
+    motion = joint_motion(puma, Q, Q + np.array([0.4, -0.3, 0.5, 0.4, -0.3, 0.5]), 2.0)
     ik = FeedbackIK(puma)
     errors = []
     for step in (0.008, 0.004):
@@ -137,7 +138,7 @@ def test_order_of_the_integrators(puma: Arm, integrator: Integrator, order: int)
         check(run, puma)
         late = run.time > 0.9
         errors.append((run.position_error[late].max(), run.orientation_error[late].max()))
-    rates = np.log2(np.divide(*errors))
+    rates = np.log2(np.divide(errors[0], errors[1]))
     assert (np.abs(rates - order) < 0.35).all(), (rates, errors)
 
 
@@ -201,6 +202,15 @@ def test_a_half_turn_is_no_trap(puma: Arm, error: Any) -> None:
             check(run, puma)
 
 
+def nearest(arm: Arm, point: Floats, q: Floats, bounds: Any) -> float:
+    """The least distance of the tip from a point, searched from q [m]."""
+
+    def distance(q: Floats) -> float:
+        return float(np.linalg.norm(arm.tip_pose(q)[:3, 3] - point))
+
+    return float(minimize(distance, q, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-15, "gtol": 1e-10}).fun)
+
+
 def outwards(p: Floats, R: Floats, direction: Floats) -> Callable[[Floats], tuple[Floats, Floats, Floats, Floats]]:
     """0.8 m along ``direction`` within 1 s, 1 s there, and back within 1 s."""
 
@@ -224,7 +234,7 @@ def test_out_of_the_workspace_and_back(puma: Arm, task: Any, integrator: Integra
     check(run, puma)
     outside = round(2.0 / step)  # the target has been held for 1 s
     far = T[:3, 3] + 0.8 * direction
-    least = minimize(lambda q: float(np.linalg.norm(puma.tip_pose(q)[:3, 3] - far)), run.q[outside]).fun
+    least = nearest(puma, far, run.q[outside], None)
     assert least > 0.5
     assert run.position_error[outside] < 1.01 * least
     assert run.position_error[-1] < 1e-9
@@ -244,9 +254,10 @@ def test_past_the_wrist_singularity(puma: Arm) -> None:
     before[:3, :3] = Rotation.from_rotvec(-0.6 * worst).as_matrix() @ T[:3, :3]
     answers = SphericalWristIK(puma).solve(before)
     first = answers[np.nanargmin(np.abs(answers - straight).max(axis=1))]
-    for integrator, step in (("euler", 0.001), ("rk4", 0.01)):
+    runs: list[tuple[Integrator, float]] = [("euler", 0.001), ("rk4", 0.01)]
+    for integrator, step in runs:
         target = PoseTarget.sample(turning(before, 0.6 * worst), 3.0, step)
-        run = FeedbackIK(puma).track(target, first, integrator=integrator)  # type: ignore[arg-type]
+        run = FeedbackIK(puma).track(target, first, integrator=integrator)
         check(run, puma)
         assert run.share["damped"] > 0.05
         assert run.orientation_error.max() < 0.02
@@ -324,7 +335,7 @@ def test_other_arms_follow_exactly(name: str) -> None:
 def test_spare_joints_go_to_the_posture_without_moving_the_tool() -> None:
     panda = loaded("panda")
     start = np.array([0.1, -0.5, 0.3, -2.0, 0.2, 1.6, 0.4])
-    rest = start + [0.3, 0.2, -0.4, 0.0, 0.1, 0.0, 0.0]
+    rest = start + np.array([0.3, 0.2, -0.4, 0.0, 0.1, 0.0, 0.0])
     target = PoseTarget.sample(held_pose(panda.tip_pose(start)), 4.0, 0.004)
     still = FeedbackIK(panda, posture_gain=0.0).track(target, start)
     moved = FeedbackIK(panda, posture=rest, posture_gain=2.0).track(target, start)
@@ -347,20 +358,14 @@ def test_joint_limits_stop_a_joint_and_the_others_go_on(puma: Arm) -> None:
     check(run, arm)
     assert run.share["limit"] > 0.5
     assert run.q[-1, 0] == 0.5
-    bounds = list(zip(arm.position_min, arm.position_max, strict=True))
-    least = minimize(
-        lambda q: float(np.linalg.norm(arm.tip_pose(q)[:3, 3] - far[:3, 3])),
-        run.q[-1],
-        bounds=bounds,
-        method="L-BFGS-B",
-    ).fun
+    least = nearest(arm, far[:3, 3], run.q[-1], np.stack([arm.position_min, arm.position_max], axis=1))
     assert run.position_error[-1] < 1.01 * least
 
 
 def test_samples_alone_and_samples_with_rates(puma: Arm) -> None:
     motion = joint_motion(puma, Q, Q + 0.4, 1.0)
     exact = PoseTarget.sample(motion, 1.0, 0.01)
-    p, R, v, w = (np.asarray(values)[::2] for values in motion(0.005 * np.arange(201)))
+    p, R, v, w = (np.asarray(values)[::2] for values in motion(np.linspace(0.0, 1.0, 201)))
     cubic = PoseTarget.through(p, R, 0.01, velocity=v, angular_velocity=w)
     bare = PoseTarget.through(p, R, 0.01)
     assert np.abs(cubic.position - exact.position).max() < 1e-7
@@ -379,6 +384,17 @@ def test_a_batch_is_its_runs(puma: Arm) -> None:
     starts = np.stack([Q, Q + 0.01, Q - 0.01])
     for run, target, first in zip(ik.track_many(targets, starts), targets, starts, strict=True):
         assert np.array_equal(run.q, ik.track(target, first).q)
+
+
+def test_the_loops_own_jacobian_and_pose_are_the_arms() -> None:
+    for name in ARMS:
+        arm = loaded(name)
+        scratch = loops._scratch(arm.dof, 6)
+        for q in (postures(arm, np.random.default_rng(seed))[0] for seed in range(5)):
+            loops._tip_and_jacobian(arm.model, q, scratch)
+            T = arm.tip_pose(q)
+            np.testing.assert_allclose(scratch.J, arm.jacobian(q), atol=1e-14)
+            np.testing.assert_allclose(scratch.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
 
 
 def test_what_cannot_be_used_is_named(puma: Arm) -> None:

@@ -7,11 +7,16 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
+from numpy.typing import NDArray
 
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
 from armtempo.planners import SphericalWristIK
 from armtempo.robots import Arm, Tool
+
+
+def finite(answers: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(answers).all(axis=-1))
 
 
 def arm(name: str) -> Arm:
@@ -33,7 +38,7 @@ def test_every_branch_has_the_pose(name: str) -> None:
     T = puma.tip_pose(q)
     answers = ik.solve(T)
     assert answers.shape == (1000, 8, 6)
-    there = np.isfinite(answers).all(axis=-1)
+    there = finite(answers)
     assert there.sum(axis=1).min() >= 4
     assert there.mean() > 0.7  # some branches do not reach; never the one that made the pose
     error = puma.tip_pose(np.where(there[..., None], answers, 0.0)) - T[:, None]
@@ -52,7 +57,7 @@ def test_straight_wrist_and_stretched_arm() -> None:
     ik = SphericalWristIK(puma)
     for q in ([0.3, 0.4, -0.5, 0.7, 0.0, 0.2], [0.3, 0.4, -np.pi / 2, 0.7, 0.5, 0.2]):
         answers = ik.solve(puma.tip_pose(q))
-        there = np.isfinite(answers).all(axis=-1)
+        there = finite(answers)
         assert there.any()
         assert np.abs(puma.tip_pose(answers[there]) - puma.tip_pose(q)).max() < 1e-11
 
@@ -65,7 +70,7 @@ def test_out_of_reach_is_nan_and_limits_are_asked_for() -> None:
     assert np.isnan(ik.solve(far)).all()
     q = np.random.default_rng(2).uniform(puma.position_min, puma.position_max, (200, 6))
     allowed = ik.within_limits(ik.solve(puma.tip_pose(q)))
-    inside = np.isfinite(allowed).all(axis=-1)
+    inside = finite(allowed)
     assert inside.any(axis=1).all()
     assert (allowed[inside] >= puma.position_min).all()
     assert (allowed[inside] <= puma.position_max).all()
