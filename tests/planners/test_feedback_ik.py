@@ -189,6 +189,22 @@ def test_a_turning_target_is_followed_at_arcsine_or_lost(puma: Arm) -> None:
     assert fed.orientation_error.max() < 1e-9
 
 
+def test_the_rate_of_the_whole_rotation_angle_is_bounded_as_the_docstring_says() -> None:
+    """For any error: u . omega >= K sin d - K_n / sqrt(27) (1 - cos d); without the second term it is not true."""
+    random = np.random.default_rng(3)
+    rotvec = random.normal(size=(20000, 3))
+    angle = random.uniform(0.0, np.pi, 20000)
+    u = rotvec / np.linalg.norm(rotvec, axis=1, keepdims=True)
+    target = Rotation.from_rotvec(angle[:, None] * u).as_matrix()  # the tip's axes are the world's
+    n, a = np.eye(3)[0], np.eye(3)[2]
+    for Ka, Kn in ((20.0, 20.0), (20.0, 25.5), (25.5, 10.0)):
+        omega = Ka * np.cross(a, target[:, :, 2]) + Kn * np.outer(np.cross(n, target[:, :, 0]) @ a, a)
+        rate = (u * omega).sum(axis=1)
+        plain = min(Ka, Kn) * np.sin(angle)
+        assert (rate >= plain - Kn / np.sqrt(27) * (1 - np.cos(angle)) - 1e-12).all()
+        assert (rate < plain - 0.5 * Kn / np.sqrt(27) * (1 - np.cos(angle))).any()
+
+
 @pytest.mark.parametrize("error", ["axes", "quaternion"])
 def test_a_half_turn_is_no_trap(puma: Arm, error: Any) -> None:
     T = puma.tip_pose(Q)
