@@ -197,10 +197,10 @@ def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
 def _asked(law: Law, x: Floats, i: int) -> float:
     """Row i of the scaled task's part of a twist; six rows are all of it, whatever their axes."""
     if law.task.shape[0] == 6:
-        return x[i] / law.length if i < 3 else x[i]
+        return float(x[i] / law.length if i < 3 else x[i])
     row = law.task[i]
     linear = row[0] * x[0] + row[1] * x[1] + row[2] * x[2]
-    return linear / law.length + row[3] * x[3] + row[4] * x[4] + row[5] * x[5]
+    return float(linear / law.length + row[3] * x[3] + row[4] * x[4] + row[5] * x[5])
 
 
 @njit
