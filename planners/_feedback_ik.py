@@ -112,7 +112,8 @@ class FeedbackIK:
     *Damping.* Velocities are divided by the arm's ``length`` (its reach), so that singular values s have one unit.
     Directions with s above ``damping`` are inverted exactly, those below with 2 s / (damping^2 + s^2): hence
     ``|q'| <= |x'| / damping`` for any twist x'. Directions that the feedback alone would overshoot within a step are
-    damped more (damping >= sqrt(2 dt |K e|)): no chatter at the edge of the workspace.
+    damped more (damping >= sqrt(2 dt |K e|)): no chatter at the edge of the workspace. An arm that is pulled straight
+    stops just short of it, so that it comes back with its elbow on the same side.
     *Caps.* The twist's halves are shortened to ``linear_speed_max`` and ``angular_speed_max``, then all joint speeds in
     one ratio, to the arm's ``speed_max`` or the one given: never exceeded, in no stage of any integrator. Joints stop
     at their position limits, and the others make up for them as they can.

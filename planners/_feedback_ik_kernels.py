@@ -85,6 +85,8 @@ class _Scratch(NamedTuple):
     x: Floats
     y: Floats
     z: Floats
+    lost: Floats
+    """(m + 1,) a direction of the task that is as good as singular, and the joint speed that is asked for it."""
     tip: Floats
     """(4, 3) the tip's position and the columns n, s, a of its rotation."""
     error: Floats
@@ -105,6 +107,7 @@ def _scratch(n: int, m: int) -> _Scratch:
         np.empty(6),
         np.empty(m),
         np.empty(m),
+        np.zeros(m + 1),
         np.empty((4, 3)),
         np.empty(5),
         np.empty(n, dtype=np.bool_),
@@ -269,7 +272,7 @@ def _jacobi(G: Floats, V: Floats) -> None:
 
 
 @njit
-def _inverse(w: _Scratch, damping: float, most: float) -> bool:
+def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
     """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
     w.y, what is asked for, has 2/(damping^2 + s^2) in place of 1/s^2 for small s, and ``most`` of it there at most:
@@ -308,8 +311,8 @@ def _inverse(w: _Scratch, damping: float, most: float) -> bool:
         if square > damping * damping:
             asked /= square
         else:
-            asked = 2.0 * min(max(asked, -most), most) / (damping * damping + square)
-            # An arm that is quite straight could not be bent again: its s is taken for a little at least.
+            asked = min(max(asked, -most), most)
+            asked *= 2.0 / (max(damping * damping, 2.0 * step * abs(asked)) + square)
             size = 0.0
             for j in range(n):
                 if w.free[j]:
@@ -318,8 +321,11 @@ def _inverse(w: _Scratch, damping: float, most: float) -> bool:
                         side += A[i, j] * V[i, k]
                     size += side * side
             size = math.sqrt(size)
-            if 0.0 < size < FLOOR * damping:
-                asked *= FLOOR * damping / size
+            if size < FLOOR * damping:  # as good as singular: ``_leave`` decides
+                for i in range(m):
+                    w.lost[i] = V[i, k]
+                w.lost[m] = asked * FLOOR * damping
+                asked = 0.0
         C[0, k] = asked - undone / (square + 1e-12)
     for i in range(m):
         y[i] = 0.0
@@ -329,12 +335,64 @@ def _inverse(w: _Scratch, damping: float, most: float) -> bool:
 
 
 @njit
+def _scaled(law: Law, w: _Scratch) -> None:
+    """The task's rows of the Jacobian w.J, scaled, into w.A."""
+    m, n = w.A.shape
+    for i in range(m):
+        for k in range(n):
+            if m == 6:
+                w.A[i, k] = w.J[i, k] / law.length if i < 3 else w.J[i, k]
+            else:
+                row = law.task[i]
+                w.A[i, k] = (row[0] * w.J[0, k] + row[1] * w.J[1, k] + row[2] * w.J[2, k]) / law.length
+                w.A[i, k] += row[3] * w.J[3, k] + row[4] * w.J[4, k] + row[5] * w.J[5, k]
+
+
+@njit
+def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: Floats) -> None:
+    """Adds to qd what is asked for the singular direction w.lost where that leads away from the singularity.
+
+    A straight arm could not be bent again by the damped inverse alone, and one that is pulled on would pass through
+    straight and come back with its elbow on the other side: it stops short of that.
+    """
+    m, n = w.A.shape
+    along, at = np.zeros(n), q.copy()
+    size = 0.0
+    for k in range(n):
+        if w.free[k]:
+            for i in range(m):
+                along[k] += w.A[i, k] * w.lost[i]
+            size += along[k] * along[k]
+    size = math.sqrt(size)
+    if size == 0.0:
+        return
+    for k in range(n):
+        along[k] *= w.lost[m] / size
+        at[k] += 1e-4 * along[k] / abs(w.lost[m])
+    _tip_and_jacobian(model, at, w)
+    _scaled(law, w)
+    there = 0.0
+    for k in range(n):
+        if w.free[k]:
+            side = 0.0
+            for i in range(m):
+                side += w.A[i, k] * w.lost[i]
+            there += side * side
+    if math.sqrt(there) <= size:
+        return
+    for k in range(n):
+        low, high = (law.position_min[k] - q[k]) / step, (law.position_max[k] - q[k]) / step
+        if w.free[k]:
+            qd[k] = min(max(qd[k] + along[k], low), high)
+
+
+@njit
 def _law(
     model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: _Scratch, posture_rate: Floats, qd: Floats
 ) -> int:
     """Joint speeds of the law at q for sample ``at`` of the targets, into qd (n,); flags. Errors into w.error."""
     n, m = q.shape[0], law.task.shape[0]
-    x, A, J = w.x, w.A, w.J
+    x, A = w.x, w.A
     _tip_and_jacobian(model, q, w)
     flags = _turning(law, w, targets.rotation[at])
     square = 0.0
@@ -357,20 +415,14 @@ def _law(
         flags |= TWIST
     # What the task leaves out of the asked twist, in its two halves.
     astray = left = 0.0
-    if m == 6:
-        for k in range(n):
-            for r in range(3):
-                A[r, k], A[3 + r, k] = J[r, k] / law.length, J[3 + r, k]
-    else:
+    if m < 6:
         astray = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
         left = x[3] * x[3] + x[4] * x[4] + x[5] * x[5]
         for i in range(m):
             row = law.task[i]
             astray -= (row[0] * x[0] + row[1] * x[1] + row[2] * x[2]) ** 2
             left -= (row[3] * x[3] + row[4] * x[4] + row[5] * x[5]) ** 2
-            for k in range(n):
-                A[i, k] = (row[0] * J[0, k] + row[1] * J[1, k] + row[2] * J[2, k]) / law.length
-                A[i, k] += row[3] * J[3, k] + row[4] * J[4, k] + row[5] * J[5, k]
+    _scaled(law, w)
     if left > 1e-14 * (1.0 + x[3] * x[3] + x[4] * x[4] + x[5] * x[5]):
         flags |= PROJECTED
     if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
@@ -389,7 +441,8 @@ def _law(
                     w.z[i] += A[i, k] * qd[k]
                 else:
                     w.y[i] -= A[i, k] * qd[k]
-        damped = _inverse(w, damping, law.pull_max)
+        w.lost[m] = 0.0
+        damped = _inverse(w, damping, law.pull_max, targets.step)
         again = False
         for k in range(n):
             if not w.free[k]:
@@ -412,6 +465,8 @@ def _law(
         for k in range(n):
             if w.free[k]:
                 qd[k] = posture_rate[k]
+    if w.lost[m] != 0.0:
+        _leave(model, law, q, targets.step, w, qd)
     fastest = 1.0
     for k in range(n):
         fastest = max(fastest, abs(qd[k]) / law.speed_max[k])

@@ -254,7 +254,9 @@ def test_out_of_the_workspace_and_back(puma: Arm, task: Any, integrator: Integra
     assert least > 0.5
     assert run.position_error[outside] < 1.01 * least
     assert run.position_error[-1] < 1e-9
+    assert len(set(SphericalWristIK(puma).branch(run.q))) == 1  # the elbow stays on its side
     if task == "pose":
+        assert np.abs(run.q[-1] - Q).max() < 1e-4
         assert run.orientation_error[-1] < 1e-6
 
 
