@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners._blend_kernels import PackedPath, blended_point
+from armtempo.planners._blend import Blend
 from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
 
@@ -27,6 +30,9 @@ SHORTEST, GROWTH, DURATIONS = 0.02, 1.25, 24  # durations tried, the first as a 
 SHARES = 6  # of the way to the override wanted: all, a half, a quarter..
 
 
+PathOf = BlendedPath | CartesianPath | Blend | Line | Arc
+
+
 class FeedOverride:
     """A profile with its speed turned down and up while it runs.
 
@@ -36,7 +42,8 @@ class FeedOverride:
     Args:
         profile: What is run at an override of 1.
         limits: What every motion keeps; the profile's own unless given.
-        path: Keep normal acceleration and vector jerk along it, too; None: tangential limits only.
+        path: Keep normal acceleration and vector jerk along it, too; the one the profile was made for unless given. A
+            profile without one keeps tangential limits only.
 
     Attributes:
         profile: As given.
@@ -44,24 +51,27 @@ class FeedOverride:
 
     Raises:
         InfeasibleError: The profile itself does not keep the limits.
+        InputError: A path of another kind, or of another length than the profile's.
     """
 
     def __init__(
-        self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: BlendedPath | None = None
+        self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: PathOf | None = None
     ) -> None:
         self.profile = profile
         self.limits = profile.limits if limits is None else limits
+        given = profile.path if path is None else path
+        path = None if given is None else _checked_path(given, profile.length)
         worst = replace(profile, limits=self.limits, path=path).certificate.ratio_max
         if worst > 1.0 + 1e-6:
             raise InfeasibleError(
                 f"the profile asks for {worst:.4g} times its limits",
-                remedy="plan it with limit_aware_profile, or give no path",
+                remedy="plan it with limit_aware_profile" if path is not None else "plan it within these limits",
                 ratio=worst,
             )
         limits = self.limits
         self._limits = np.array([limits.speed, limits.acceleration, limits.jerk, limits.normal])
         self._packed = None if path is None else path.packed
-        marks = profile.knots if path is None else np.append(profile.knots, profile.time_at(path.breakpoints))
+        marks = profile.knots if path is None else np.append(profile.knots, profile.time_at(path.packed.breakpoints))
         self._marks = np.unique(marks)  # inside of two of them everything is smooth
         swing = min(limits.acceleration / limits.jerk, math.sqrt(limits.speed / limits.jerk))
         self._shortest = SHORTEST * (limits.speed / min(limits.acceleration, limits.jerk * swing) + swing)
@@ -85,7 +95,7 @@ class FeedOverride:
         Raises:
             InputError: Not a number in [0, 1].
         """
-        if not 0.0 <= override <= 1.0:
+        if not (isinstance(override, int | float | np.number) and 0.0 <= override <= 1.0):
             raise InputError(f"an override is a number in 0..1, got {override!r}")
         return bool(
             turn(
@@ -95,8 +105,14 @@ class FeedOverride:
         )  # fmt: skip
 
     def step(self, dt: float) -> tuple[float, float, float]:
-        """Go on by ``dt`` [s]; length [m], speed and acceleration then."""
-        advance(self.profile.knots, self.profile.coefficients, self._warp, dt, self._out)
+        """Go on by ``dt`` [s]; length [m], speed and acceleration then.
+
+        Raises:
+            InputError: Not a finite number, or less than 0.
+        """
+        if not (isinstance(dt, int | float | np.number) and 0.0 <= dt < math.inf):
+            raise InputError(f"a step is a finite number of seconds, 0 or more, got {dt!r}")
+        advance(self.profile.knots, self.profile.coefficients, self._warp, float(dt), self._out)
         return float(self._out[0]), float(self._out[1]), float(self._out[2])
 
     @property
@@ -118,6 +134,22 @@ class FeedOverride:
     def done(self) -> bool:
         """Whether the end of the profile is reached."""
         return self.sigma >= self.profile.duration
+
+
+def _checked_path(path: Any, length: float) -> BlendedPath | Blend:
+    """A path with kernels, as long as the profile."""
+    if isinstance(path, Line | Arc):
+        path = BlendedPath([path])
+    elif isinstance(path, CartesianPath):
+        path = BlendedPath(path.segments)  # type: ignore[arg-type]
+    if not isinstance(path, BlendedPath | Blend):
+        raise InputError(f"the path of an override is a {type(path).__name__}", remedy="give the BlendedPath")
+    if abs(path.length - length) > 1e-9 * max(length, path.length):
+        raise InputError(
+            f"the path is {path.length:.9g} m long but its profile {length:.9g} m",
+            remedy="give the path that the profile was made for",
+        )
+    return path
 
 
 @njit

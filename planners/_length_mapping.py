@@ -23,6 +23,7 @@ from armtempo.planners import _blend_kernels as kernels
 from armtempo.planners._blend import Blend
 from armtempo.planners._blend_kernels import ARC, PackedPath
 from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_path import floats
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
@@ -133,16 +134,22 @@ def _gauss_length(shape: Array, degree: int, low: float, high: float) -> float:
 
 
 def arc_length(blend: Blend, u: ArrayLike) -> Array:
-    """Arc length of a blend from 0 to ``u`` [m], any shape, to rounding: adaptive Gauss-Legendre, no table."""
-    u = np.asarray(u, dtype=np.float64)
+    """Arc length of a blend from 0 to ``u`` in [0, 1], any shape, to rounding [m]: adaptive Gauss-Legendre, no table.
+
+    Raises:
+        InputError: A parameter that is not on the blend.
+    """
+    u = floats(u, "u")
+    if not ((u >= 0.0) & (u <= 1.0)).all():
+        raise InputError(f"u must be in 0..1, got {u.min():.6g}..{u.max():.6g}")
     shape, degree = blend.packed.shape[0], blend.degree
     return np.array([_gauss_length(shape, degree, 0.0, float(x)) for x in u.reshape(-1)]).reshape(u.shape)
 
 
 def rk4_length(blend: Blend, steps: int = 10) -> float:
     """Length of a blend by the fourth-order Runge-Kutta of the paper [m] (on a pure integral: Simpson's rule)."""
-    if steps < 1:
-        raise InputError(f"steps is {steps}", remedy="give at least 1")
+    if not isinstance(steps, int | np.integer) or steps < 1:
+        raise InputError(f"steps is {steps}", remedy="give a whole number, at least 1")
     shape, degree = blend.packed.shape[0], blend.degree
     speed = np.array([kernels.curve_speed(shape, degree, i / (2 * steps)) for i in range(2 * steps + 1)])
     weights = np.array([1.0, *([4.0, 2.0] * steps)[:-1], 1.0])
@@ -157,6 +164,8 @@ class LengthMapping(ABC):
     """
 
     def __init__(self, path: BlendedPath | Blend) -> None:
+        if not isinstance(path, BlendedPath | Blend):
+            raise InputError(f"a mapping is of a BlendedPath or a Blend, got a {type(path).__name__}")
         self.packed = path.packed
 
     @abstractmethod
@@ -174,7 +183,7 @@ class LengthMapping(ABC):
         return out
 
     def _checked(self, lengths: ArrayLike) -> tuple[Array, Ints, Array]:
-        given = np.array(lengths, dtype=np.float64)
+        given = floats(lengths, "lengths")
         if given.ndim != 1 or not np.isfinite(given).all() or (np.diff(given) < 0.0).any():
             raise InputError("lengths must be one row of finite metres that never falls")
         given = np.clip(given, 0.0, self.packed.breakpoints[-1])
@@ -204,6 +213,8 @@ class PredictorCorrector(LengthMapping):
 
     def __init__(self, path: BlendedPath | Blend, *, iterations: int = 3, compensate: bool = True) -> None:
         super().__init__(path)
+        if not isinstance(iterations, int | np.integer) or iterations < 0:
+            raise InputError(f"iterations is {iterations!r}", remedy="give 0 or more")
         self.iterations = iterations
         self.compensate = compensate
 

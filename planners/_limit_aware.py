@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, path_quantities, profile_states
 
 ROUNDS = 12
@@ -46,12 +46,18 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
     with the length of the path.
 
     Args:
-        path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``.
+        path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``; a single
+            line, arc or blend, too.
         limits: Speed, tangential and normal acceleration, jerk of the whole vector.
 
     Raises:
+        InputError: Limits or a path of another kind.
         InfeasibleError: The program of some part could not be solved.
     """
+    if not isinstance(limits, LineSpeedLimits):
+        raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
+    if not (hasattr(path, "length") and hasattr(path, "derivatives")):
+        raise InputError(f"a {type(path).__name__} is no path", remedy="give a BlendedPath, or one segment")
     stops = _stops(path)
     knots, rows, now = [np.zeros(1)], [], 0.0
     for start, end in pairwise(stops):
@@ -66,7 +72,9 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
 
 def _stops(path: Any) -> Array:
     """Where the motion must rest: both ends, and breakpoints with a jump of curvature."""
-    inner = np.asarray(getattr(path, "breakpoints", [0.0, path.length]), dtype=np.float64)[1:-1]
+    if not hasattr(path, "breakpoints"):  # one segment
+        return np.array([0.0, path.length])
+    inner = np.asarray(path.breakpoints, dtype=np.float64)[1:-1]
     if hasattr(path, "continuity"):
         jumps = np.asarray(path.continuity) < 2
     else:
