@@ -163,7 +163,8 @@ def warped(warp: Array, t: float) -> tuple[float, float, float, float]:
     f = min(max(f, 0.0), 1.0)
     sigma = warp[START] + lasts * way
     if t >= lasts:
-        return sigma + warp[WANTED] * (t - lasts), warp[WANTED], 0.0, 0.0
+        on = warp[WANTED] * (t - lasts) if warp[WANTED] > 0.0 else 0.0  # however long it stands
+        return sigma + on, warp[WANTED], 0.0, 0.0
     first = (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / lasts
     second = (2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / lasts**2
     return sigma, f, first, second
