@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners._blend_kernels import PackedPath, blended_point
 from armtempo.planners._blend import Blend
+from armtempo.planners._blend_kernels import PackedPath, blended_point
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, profile_state

@@ -195,8 +195,8 @@ def test_close_to_the_direct_optimum(limits_of: Callable[[int], LineSpeedLimits]
             ratios.append(profile.duration / min(found))
     low, median, high = np.min(ratios), np.median(ratios), np.max(ratios)
     Console(width=120).print(
-        f"\n{limits_of.__name__}: {len(ratios)} paths ({unsolved} without an optimum): duration / optimum {low:.4f} at least, "
-        f"{median:.4f} median, {high:.4f} at most"
+        f"\n{limits_of.__name__}: {len(ratios)} paths ({unsolved} without an optimum): duration / optimum "
+        f"{low:.4f} at least, {median:.4f} median, {high:.4f} at most"
     )
     assert len(ratios) >= 0.95 * OPTIMA
     assert median <= most[0]

@@ -233,7 +233,7 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     ),
     "ragged": (lambda: BlendedPath.through([[0, 0, 0], [1, 0]], 0.1), InputError, "points must be numbers"),
     "words": (lambda: BlendedPath.through("abc", 0.1), InputError, "points must be numbers"),
-    "one left empty": (lambda: BlendedPath.through(SQUARE, [None]), InputError, "finite"),  # type: ignore[list-item]
+    "one left empty": (lambda: BlendedPath.through(SQUARE, [None]), InputError, "finite"),  # type: ignore[arg-type]
     "generator": (lambda: BlendedPath((x for x in scara().pieces), 0.1), InputError, "a generator"),  # type: ignore[arg-type]
     "one segment": (lambda: BlendedPath(Line(np.zeros(3), np.ones(3))), InputError, "got a Line"),  # type: ignore[arg-type]
     "nowhere": (lambda: scara().derivatives([0.0, math.nan]), InputError, "not a number"),
