@@ -94,6 +94,12 @@ def test_policies_meet_the_same_random_paths(lee2006: BlendCell) -> None:
     assert random["random"].plan_duration_s is None
 
 
+def test_cubics_of_another_shape_meet_smooth_baselines(lee2006: BlendCell) -> None:
+    result = evaluate(lee2006.variant(shape_factor=2.0), ("limit-aware-smooth",), physics="ideal").results
+    assert result["limit-aware-smooth"].trace.cell.config.blend.curve == "quintic"
+    assert result["limit-aware-smooth"].finished == 1
+
+
 def test_results_are_numbers_with_units(evaluation: BlendEvaluation) -> None:
     from armtempo.commands._output import plain
 
