@@ -523,6 +523,12 @@ class BlendCellConfig(_CellFile):
         return self
 
     @model_validator(mode="after")
+    def _has_an_elbow(self) -> Self:
+        if self.arm.elbow is None:
+            raise ValueError("arm: its elbow is missing: positive or negative; two links reach every point in two ways")
+        return self
+
+    @model_validator(mode="after")
     def _period_is_whole_ticks(self) -> Self:
         _check_period(self.control_period_s, self.physics_tick_s)
         return self

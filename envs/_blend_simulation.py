@@ -31,6 +31,12 @@ Array = NDArray[np.float64]
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
 
+
+def is_number(value: object) -> bool:
+    """Whether it is one finite number."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool) and math.isfinite(value)
+
+
 _COLUMNS = (
     "time", "s", "v", "a", "j", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed",
     "torque", "demand",
@@ -120,9 +126,14 @@ class BlendSimulation:
     ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError("physics", str(physics), PHYSICS)
-        if not (math.isfinite(model_error) and model_error > -1.0):
+        if not (is_number(model_error) and model_error > -1.0):
             raise InputError(
-                f"model_error must be a share above -1, got {model_error}", remedy="give 0.1 for bodies 10 % heavier"
+                f"model_error must be a share above -1, got {model_error!r}", remedy="give 0.1 for bodies 10 % heavier"
+            )
+        if model_error and physics == "ideal":
+            raise InputError(
+                f"model_error is {model_error:g} and physics 'ideal', which has no bodies to be heavier",
+                remedy="take physics='bullet', or leave model_error out",
             )
         self.physics, self.record = physics, record
         n = cell.arm.dof
@@ -155,8 +166,9 @@ class BlendSimulation:
         self.feed = FeedOverride(
             self.profile, self.profile.limits, path=cell.blended if profile == "limit-aware" else None
         )
-        self._paper = PredictorCorrector(cell.blended) if mapping == "paper" else None
-        self._lengths = np.zeros(1)
+        self._paper = PredictorCorrector(cell.blended).start() if mapping == "paper" else None
+        if self._paper is not None:
+            self._paper.advance(np.zeros(1))  # the first tick
         self._end = np.nan  # instant at which the reference arrives
         self._goal = cell.blended.position(cell.blended.length)
         self._ticks = 0
@@ -227,9 +239,8 @@ class BlendSimulation:
     def _joints(self, lengths: Array) -> Array:
         """(K, n) reference joints at these travelled lengths."""
         if self._paper is None:
-            return self._path.evaluate(lengths)[0]
-        self._lengths = np.concatenate([self._lengths, lengths])
-        return self._path.inverse(self._paper.positions(self._lengths)[-len(lengths) :], lengths)
+            return self._path.inverse(self.cell.blended.position(lengths), lengths)
+        return self._path.inverse(self._paper.advance(lengths), lengths)
 
     def _advance(self, joints: Array) -> None:
         """One tick towards the reference ``joints`` (n,)."""

@@ -15,10 +15,9 @@ from armtempo.agents import (
     evaluate_blend,
     highest_rate,
     in_blends,
-    motion_demand,
 )
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, motion_demand
 
 
 @pytest.fixture(scope="module")

@@ -563,6 +563,7 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
             "arm",
             "its path must be given by start_m and segments",
         ),
+        (lambda data: data["arm"].pop("elbow"), "arm", "its elbow is missing: positive or negative"),
     ],
 )
 def test_blend_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:

@@ -159,3 +159,14 @@ def test_lengths_that_fall_are_refused(papers_blend: Blend) -> None:
     for wrong in ([0.1, 0.0], [[0.0, 0.1]], [0.0, math.nan]):
         with pytest.raises(InputError, match="never falls"):
             ExactMapping(papers_blend).positions(wrong)
+
+
+@pytest.mark.parametrize("compensate", [True, False])
+def test_a_run_by_little_gives_the_bits_of_the_whole(hundred_corners: BlendedPath, compensate: bool) -> None:
+    mapping = PredictorCorrector(hundred_corners, compensate=compensate)
+    lengths = np.linspace(0.0, hundred_corners.length, 2001)
+    run = mapping.start()
+    parts = [run.advance(part) for part in np.split(lengths, [1, 2, 30, 31, 700])]
+    np.testing.assert_array_equal(np.concatenate(parts), mapping.positions(lengths))
+    with pytest.raises(InputError, match="from one call to the next"):
+        run.advance(lengths[:3])
