@@ -34,7 +34,11 @@ MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
 
 def is_number(value: object) -> bool:
     """Whether it is one finite number."""
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool) and math.isfinite(value)
+    return (
+        isinstance(value, int | float | np.integer | np.floating)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+    )
 
 
 _COLUMNS = (

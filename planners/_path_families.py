@@ -39,11 +39,10 @@ def draw_path(
 ) -> BlendCell:
     """The cell with a path drawn at random.
 
-    All of it lies at distances from the arm's axis, at angles about it and at heights that the given path has, too. Sides
-    turn by 20 to 75 degrees, and the remaining distance is 30 to 45 % of the shortest segment, at most the cell's. Its
-    cubic blends, those with the highest curvature, ask at full rate for at most 90 % of the torques (or what the given
-    path asks for), for the joints' speeds, and for no more than a quarter of this rate keeps within all limits of the
-    tip. What is drawn depends on the seed, the family and the remaining distance, not on the curve asked for.
+    All of it lies at distances from the arm's axis, at angles about it and at heights that the given path has, too.
+    Sides turn by 20 to 75 degrees, and the remaining distance is 30 to 45 % of the shortest segment, at most the
+    cell's. With cubic blends of shape factor 3, at full rate, no torque is above 90 % of its limit (or what the given
+    path asks for) and no joint too fast, and a quarter of this rate keeps all limits of the tip. What is drawn depends on the seed, the family and the remaining distance, not on the curve asked for.
 
     Args:
         cell: The arm and its given path.

@@ -43,7 +43,7 @@ def straight(*points: tuple[float, float, float]) -> CartesianPath:
 
 def test_drives_must_hold_the_arm_at_rest(lee2006: BlendCell) -> None:
     weak = lee2006.config.arm.model_copy(update={"limits": LimitsConfig(torque_nm=(None, None, 10.0, None))})
-    words = r"lee2006.yaml, arm.path: arm 'scara' cannot hold still at station .* m: joint '\w+' needs .* N, its limit is 10 N"
+    words = r"arm.path: arm 'scara' cannot hold still at station .* m: joint '\w+' needs .* N, its limit is 10 N"
     with pytest.raises(InfeasibleError, match=words) as caught:
         build_cell(lee2006.config.model_copy(update={"arm": weak}))
     assert caught.value.data["joint"] == 2
