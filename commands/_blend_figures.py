@@ -106,7 +106,9 @@ def _contour_errors(axes: Axes, cell: BlendCell, traces: Mapping[str, BlendTrace
     largest = {name: 1e3 * float(trace.contour_error.max()) for name, trace in traces.items()}
     allowed = 1e3 * cell.contour_error_max
     if max(largest.values()) < SMALLEST_ERROR:
-        axes.axis("off")
+        axes.set(xticks=[], yticks=[], xlabel=" ")  # the label keeps the figure's layout
+        for spine in axes.spines.values():
+            spine.set_visible(False)
         note(axes, 0.0, 0.9, f"on the path to rounding, {allowed:g} mm are allowed; largest:", va="top")
         for k, (name, value) in enumerate(largest.items()):
             note(axes, 0.04, 0.8 - 0.08 * k, name, va="top")

@@ -42,7 +42,8 @@ def draw_path(
     All of it lies at distances from the arm's axis, at angles about it and at heights that the given path has, too.
     Sides turn by 20 to 75 degrees, and the remaining distance is 30 to 45 % of the shortest segment, at most the
     cell's. With cubic blends of shape factor 3, at full rate, no torque is above 90 % of its limit (or what the given
-    path asks for) and no joint too fast, and a quarter of this rate keeps all limits of the tip. What is drawn depends on the seed, the family and the remaining distance, not on the curve asked for.
+    path asks for) and no joint too fast, and a quarter of this rate keeps all limits of the tip. What is drawn depends
+    on the seed, the family and the remaining distance, not on the curve asked for.
 
     Args:
         cell: The arm and its given path.
@@ -126,8 +127,7 @@ def _each_inside(cell: BlendCell, ring: tuple[Array, Array], points: Array) -> N
     polar = cell.path.pair.polar(points)
     middle = 0.5 * (low[1] + high[1])
     polar[:, 1] = middle + (polar[:, 1] - middle + np.pi) % (2.0 * np.pi) - np.pi
-    inside: NDArray[np.bool_] = ((polar >= low - 1e-9) & (polar <= high + 1e-9)).all(axis=1)
-    return inside
+    return np.asarray(((polar >= low - 1e-9) & (polar <= high + 1e-9)).all(axis=1))
 
 
 def _outline(segments: list[Line | Arc], size: float) -> Array:
