@@ -94,9 +94,10 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 raise UnknownNameError(kind, str(name), known)
         if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
             raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
-        if isinstance(cell, Cell):
+        given: object = cell
+        if isinstance(given, Cell):
             raise InputError(
-                f"{cell.name!r} is a coordination cell, and a blend cell is needed here",
+                f"{given.name!r} is a coordination cell, and a blend cell is needed here",
                 remedy="give a blend cell such as lee2006, or use CoordinationEnv",
             )
         self.cell = cell if isinstance(cell, BlendCell) else load_cell(cell, BlendCell)

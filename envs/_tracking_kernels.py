@@ -65,10 +65,10 @@ def follow_ideal(
     tick ends [m]. ``rows`` (K, 7 + 3 n): station, contour error, speeds of the tip point to point and along the path,
     tip, joint positions, torques applied and asked for.
     """
-    n = joints.shape[1]
+    ticks, n = joints.shape
     demand, torque, qd = np.empty(n), np.empty(n), np.empty(n)
     station, last = near, 0.0
-    for k in range(joints.shape[0]):
+    for k in range(ticks):
         for j in range(n):
             qd[j] = (reference[2, j] - reference[1, j]) / tick
             reference[0, j], reference[1, j], reference[2, j] = reference[1, j], reference[2, j], joints[k, j]
@@ -87,4 +87,4 @@ def follow_ideal(
         row[7 : 7 + n], row[7 + n : 7 + 2 * n], row[7 + 2 * n :] = joints[k], torque, demand
         if error > allowed:
             return k + 1
-    return joints.shape[0]
+    return int(ticks)

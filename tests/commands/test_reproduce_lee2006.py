@@ -72,7 +72,7 @@ def test_the_jump_at_a_blend_is_that_of_the_curvature() -> None:
     from armtempo.commands._lee2006_figures import _variations
     from armtempo.planners import BlendedPath
 
-    path = BlendedPath.through([[0.3, 0, 0], [0, 0, 0], [0, 0.3, 0]], 0.15, shape_factor=1.0)
+    path = BlendedPath.through([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.3, 0.0]], 0.15, shape_factor=1.0)
     step = float(path.curvature(path.breakpoints[1] + 1e-9))  # [um] for steps of 1 mm
     said = _variations(1.0, "Fig. 8").axes[1].texts[0].get_text()
     assert float(said.split()[-2]) == pytest.approx(step, rel=0.1)
@@ -82,13 +82,9 @@ def test_errors_too_small_to_draw_are_written(lee2006: BlendCell) -> None:
     from armtempo.agents import evaluate_blend
     from armtempo.commands._blend_figures import blended_path
 
-    for physics, written in (("ideal", True), ("bullet", False)):
-        result = evaluate_blend(
-            lee2006,
-            ("line-speed",),
-            physics=physics,
-            model_error=0.0 if written else 0.1,  # type: ignore[arg-type]
-        ).results["line-speed"]
+    for error in (0.0, 0.1):
+        written = error == 0.0
+        result = evaluate_blend(lee2006, ("line-speed",), model_error=error).results["line-speed"]
         figure = blended_path(lee2006, {"line-speed": result.trace})
         texts = [text.get_text() for text in figure.axes[1].texts]
         assert ("line-speed" in texts) == written

@@ -136,7 +136,9 @@ def test_leaving_is_worse_than_whatever_stays(lee2006: BlendCell, family: Family
     tiny = lee2006.config.model_copy(update={"contour_error_max_m": 1.22e-4})  # standing: 0.1 mm
     cell = BlendCell.of(tiny, lee2006.arm, lee2006.elbow, lee2006.segments)
     env = BlendTrackingEnv(cell, model_error=0.1, family=family)
-    left, stayed, arrived = [], [], 0
+    left: list[float] = []
+    stayed: list[float] = []
+    arrived = 0
     policies = ([FULL], [STOP], [-FULL] * 100 + [FULL], *[[(2.0 * rate - 1.0) * FULL] for rate in (0.05, 0.2, 0.5)])
     for policy in policies:
         sums, info = run(env, *policy, seed=2)
