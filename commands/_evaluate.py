@@ -78,6 +78,12 @@ def evaluate(
     from armtempo.planners import BlendCell
 
     if isinstance(built, BlendCell):
+        if mode != "speed" or master_late:
+            raise ArmtempoError("--mode and --master-late are for cells of several arms", remedy="leave them out")
+        if model_error and physics == "ideal":
+            raise ArmtempoError(
+                "--model-error needs bodies, and --physics ideal has none", remedy="take --physics bullet"
+            )
         from armtempo.commands._evaluate_blend import evaluate_blend
 
         evaluate_blend(

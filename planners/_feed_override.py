@@ -115,6 +115,13 @@ class FeedOverride:
         advance(self.profile.knots, self.profile.coefficients, self._warp, float(dt), self._out)
         return float(self._out[0]), float(self._out[1]), float(self._out[2])
 
+    def steps(self, dt: float, count: int) -> Array:
+        """Go on by ``dt`` [s] so many times; (count, 8) as ``advance`` writes them."""
+        rows = np.empty((count, 8))
+        advance_often(self.profile.knots, self.profile.coefficients, self._warp, dt, rows)
+        self._out[:] = rows[-1]
+        return rows
+
     @property
     def jerk(self) -> float:
         """Tangential jerk now [m/s^3]."""
@@ -185,6 +192,13 @@ def advance(knots: Array, coefficients: Array, warp: Array, dt: float, out: Arra
     else:
         out[1], out[2], out[3] = 0.0, 0.0, 0.0
     out[4], out[5], out[6], out[7] = sigma, f, first, second
+
+
+@njit
+def advance_often(knots: Array, coefficients: Array, warp: Array, dt: float, rows: Array) -> None:
+    """``advance`` into each of ``rows`` (K, 8)."""
+    for k in range(rows.shape[0]):
+        advance(knots, coefficients, warp, dt, rows[k])
 
 
 @njit

@@ -44,13 +44,17 @@ def corrected_step(
 
 @njit
 def corrected_parameters(
-    packed: PackedPath, lengths: Array, iterations: int, compensate: bool, piece: Ints, u: Array
+    packed: PackedPath, lengths: Array, iterations: int, compensate: bool, state: Array, piece: Ints, u: Array
 ) -> None:
-    """``PredictorCorrector.parameters`` into ``piece`` and ``u``, each (T,)."""
+    """``PredictorCorrector.parameters`` into ``piece`` and ``u``, each (T,).
+
+    ``state`` (7,): piece, drift, whether inside a blend, its parameters in the last two ticks, the way between these,
+    the length before. Zeros before the first tick; left for the next ones.
+    """
     breakpoints = packed.breakpoints
     last = packed.kind.shape[0] - 1
-    k, drift, inside = 0, 0.0, False
-    now = before = d_before = 0.0  # parameters of the last two ticks in this blend
+    k, drift, inside = int(state[0]), state[1], state[2] > 0.0
+    now, before, d_before, length = state[3], state[4], state[5], state[6]
     for i in range(lengths.shape[0]):
         s = lengths[i] + drift
         came = k
@@ -60,7 +64,7 @@ def corrected_parameters(
             inside = False
         if packed.kind[k] > ARC:
             if inside:
-                d = lengths[i] - lengths[i - 1]
+                d = lengths[i] - length
                 ahead = corrected_step(packed.shape[k], packed.kind[k], before, now, d_before, d, iterations)
                 before, now, d_before = now, ahead, d
             else:  # the first tick: what is left of it behind the junction
@@ -75,11 +79,14 @@ def corrected_parameters(
                 if packed.kind[k] > ARC:
                     now = corrected_step(packed.shape[k], packed.kind[k], 0.0, 0.0, 0.0, beyond, iterations)
                     before, d_before, inside = 0.0, beyond, True
+        length = lengths[i]
         piece[i] = k
         if packed.kind[k] > ARC:
             u[i] = min(max(now, 0.0), 1.0)
         else:
             u[i] = min((s - breakpoints[k]) / (breakpoints[k + 1] - breakpoints[k]), 1.0)
+    state[0], state[1], state[2] = k, drift, 1.0 if inside else 0.0
+    state[3], state[4], state[5], state[6] = now, before, d_before, length
 
 
 @njit
@@ -219,6 +226,34 @@ class PredictorCorrector(LengthMapping):
         self.compensate = compensate
 
     def parameters(self, lengths: ArrayLike) -> tuple[Ints, Array]:
+        return self.start().parameters(lengths)
+
+    def start(self) -> MappingRun:
+        """A run from the start of the path that takes its lengths little by little."""
+        return MappingRun(self)
+
+
+@final
+class MappingRun(LengthMapping):
+    """The paper's mapping tick by tick: goes on from call to call, and gives the same bits as all ticks at once.
+
+    Args:
+        mapping: Its path and settings.
+    """
+
+    def __init__(self, mapping: PredictorCorrector) -> None:
+        self.packed = mapping.packed
+        self._settings = mapping.iterations, mapping.compensate
+        self._state = np.zeros(7)
+
+    def parameters(self, lengths: ArrayLike) -> tuple[Ints, Array]:
+        """As of ``LengthMapping``, for the next ticks; ``lengths`` (T,) [m] go on from those of the last call."""
         given, piece, u = self._checked(lengths)
-        corrected_parameters(self.packed, given, self.iterations, self.compensate, piece, u)
+        if len(given) and given[0] < self._state[6]:
+            raise InputError("lengths must never fall, from one call to the next either")
+        corrected_parameters(self.packed, given, *self._settings, self._state, piece, u)
         return piece, u
+
+    def advance(self, lengths: ArrayLike) -> Array:
+        """Points (T, 3) [m] in the next ticks."""
+        return self.positions(lengths)

@@ -15,10 +15,9 @@ from armtempo.agents import (
     evaluate_blend,
     highest_rate,
     in_blends,
-    motion_demand,
 )
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, motion_demand
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +91,12 @@ def test_policies_meet_the_same_random_paths(lee2006: BlendCell) -> None:
     again = evaluate_blend(lee2006, ("random",), family="polyline", episodes=2, seed=3, physics="ideal").results
     assert again["random"].reward == random["random"].reward
     assert random["random"].plan_duration_s is None
+
+
+def test_cubics_of_another_shape_meet_smooth_baselines(lee2006: BlendCell) -> None:
+    result = evaluate(lee2006.variant(shape_factor=2.0), ("limit-aware-smooth",), physics="ideal").results
+    assert result["limit-aware-smooth"].trace.cell.config.blend.curve == "quintic"
+    assert result["limit-aware-smooth"].finished == 1
 
 
 def test_results_are_numbers_with_units(evaluation: BlendEvaluation) -> None:

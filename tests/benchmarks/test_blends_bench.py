@@ -102,7 +102,7 @@ def test_cost_of_a_tick_of_each_mapping(capsys: pytest.CaptureFixture[str]) -> N
     lengths = np.linspace(0.0, made.length, TICKS)
     piece, u, v, w = np.zeros(TICKS, dtype=np.int64), np.zeros(TICKS), np.zeros(TICKS), np.zeros(TICKS)
     exact = best(lambda: mapping.exact_parameters(made.packed, lengths, piece, u))
-    paper = best(lambda: mapping.corrected_parameters(made.packed, lengths, 3, True, piece, v))
+    paper = best(lambda: mapping.corrected_parameters(made.packed, lengths, 3, True, np.zeros(7), piece, v))
     bare = best(lambda: paper_on_a_cubic(made.coefficients, lengths[1], w))
     np.testing.assert_allclose(v, u, atol=1e-9)
     np.testing.assert_allclose(w[:-1], u[1:], atol=1e-9)

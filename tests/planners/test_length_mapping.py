@@ -176,3 +176,14 @@ def test_nonsense_is_refused(papers_blend: Blend) -> None:
     for path in ("x", CartesianPath([Line(np.zeros(3), np.ones(3))])):
         with pytest.raises(InputError, match="BlendedPath or a Blend"):
             ExactMapping(path)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("compensate", [True, False])
+def test_a_run_by_little_gives_the_bits_of_the_whole(hundred_corners: BlendedPath, compensate: bool) -> None:
+    mapping = PredictorCorrector(hundred_corners, compensate=compensate)
+    lengths = np.linspace(0.0, hundred_corners.length, 2001)
+    run = mapping.start()
+    parts = [run.advance(part) for part in np.split(lengths, [1, 2, 30, 31, 700])]
+    np.testing.assert_array_equal(np.concatenate(parts), mapping.positions(lengths))
+    with pytest.raises(InputError, match="from one call to the next"):
+        run.advance(lengths[:3])
