@@ -61,7 +61,9 @@ class FeedOverride:
         self.limits = profile.limits if limits is None else limits
         given = profile.path if path is None else path
         path = None if given is None else _checked_path(given, profile.length)
-        worst = replace(profile, limits=self.limits, path=path).certificate.ratio_max
+        same = self.limits == profile.limits and path is profile.path  # it may know its certificate already
+        certified = profile if same else replace(profile, limits=self.limits, path=path)
+        worst = certified.certificate.ratio_max
         if worst > 1.0 + 1e-6:
             raise InfeasibleError(
                 f"the profile asks for {worst:.4g} times its limits",
