@@ -117,7 +117,7 @@ class Arc:
             longer than one.
 
     Raises:
-        PathError: Radii differ by more than 1e-6 of them, the arc has no length, or its plane is not determined.
+        PathError: Radii differ by more than rounded coordinates do, the arc has no length, or its plane is open.
     """
 
     start: Array
@@ -134,7 +134,8 @@ class Arc:
             object.__setattr__(self, name, _point(getattr(self, name), f"{name} of an arc"))
         a, b = self.start - self.center, self.end - self.center
         radius = float(np.linalg.norm(a))
-        if radius < NOTHING or abs(float(np.linalg.norm(b)) - radius) > 1e-6 * radius:
+        rounding = max(1e-6 * radius, min(2e-6, 1e-3 * radius))  # coordinates to the micrometre, unless tiny
+        if radius < NOTHING or abs(float(np.linalg.norm(b)) - radius) > rounding:
             raise PathError(
                 f"arc centre {self.center.tolist()} is {radius:.6g} m from its start but "
                 f"{float(np.linalg.norm(b)):.6g} m from its end",

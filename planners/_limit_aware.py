@@ -53,8 +53,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
     """The fastest profile from rest to rest along ``path`` that keeps all ``limits`` as vectors, nearly.
 
     Where the curvature of the path jumps (a breakpoint whose ``continuity`` is 1) it stops. The work grows linearly
-    with the number of pieces, and with the logarithm of their length over that of a ramp to line speed; for one corner
-    it is some 50 ms.
+    with the number of pieces, and with the logarithm of their length over that of a ramp to line speed.
 
     Args:
         path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``; or a
