@@ -80,9 +80,9 @@ def test_an_arc_through_three_points_passes_them_in_order(start: Floats, via: Fl
         area = float(np.linalg.norm(np.cross(u, v)))
         assert min(sides) < 1e-9 or area * max(sides) < 1.001e-6 * math.prod(sides)
         return
-    s = np.linspace(0.0, arc.length, 20001)
-    nearest = int(np.argmin(np.linalg.norm(arc.evaluate(s)[0] - via, axis=1)))
-    assert 0 < nearest < 20000
+    outward, tangent = (start - arc.center) / arc.radius, arc.evaluate(0.0)[1]
+    turned = math.atan2((via - arc.center) @ tangent, (via - arc.center) @ outward) % (2.0 * math.pi)
+    assert 0.0 < turned < arc.angle
     np.testing.assert_allclose(arc.evaluate([0.0, arc.length])[0], [start, end], atol=1e-6)
     assert abs(np.linalg.norm(via - arc.center) - arc.radius) < 1e-6 * max(arc.radius, 1.0)
 
