@@ -18,8 +18,8 @@ from armtempo.agents._blend_baselines import (
     blend_baseline,
     planning_time,
 )
+from armtempo.agents._policy import chosen_policies
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
-from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand
 
 Array = NDArray[np.float64]
@@ -157,14 +157,8 @@ def evaluate_blend(
     Raises:
         UnknownNameError: A policy or a family that does not exist; the message lists those that do.
     """
-    chosen = BLEND_POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
-    for name in chosen:
-        if name not in BLEND_POLICIES:
-            raise UnknownNameError("policy", name, BLEND_POLICIES)
-    if episodes < 1:
-        raise InputError(f"episodes must be at least 1, got {episodes}")
     results = {}
-    for name in chosen:
+    for name in chosen_policies(policies, BLEND_POLICIES, episodes):
         baseline = blend_baseline(name)
         env = BlendTrackingEnv(
             cell,

@@ -61,7 +61,9 @@ def test_ten_thousand_corners_are_set_up_in_a_second(
 def test_a_million_points_of_ten_thousand_corners(benchmark: Any, capsys: pytest.CaptureFixture[str]) -> None:
     path = BlendedPath.through(polyline(10_000), 0.2)
     s = np.linspace(0.0, path.length, TICKS)
-    benchmark.pedantic(path.derivatives, (s,), rounds=3, warmup_rounds=1)
+    p, tangent, _, _ = benchmark.pedantic(path.derivatives, (s,), rounds=3, warmup_rounds=1)
+    np.testing.assert_allclose(np.linalg.norm(tangent, axis=1), 1.0, atol=1e-12)
+    assert np.linalg.norm(np.diff(p, axis=0), axis=1).max() <= s[1] * (1.0 + 1e-9)  # no chord is longer than its arc
     say(capsys, f"position and three derivatives: {1e6 * benchmark.stats.stats.min / TICKS:.3f} us per point")
 
 
