@@ -14,11 +14,9 @@ from armtempo.agents._blend_baselines import (
     BlendBaseline,
     BlendPolicy,
     ConstantRate,
-    MotionDemand,
     RandomRate,
     blend_baseline,
     highest_rate,
-    motion_demand,
 )
 from armtempo.agents._evaluate import Evaluation, PolicyResult, evaluate, run_episode
 from armtempo.agents._evaluate_blend import (
@@ -43,7 +41,6 @@ __all__ = [
     "ConstantRate",
     "Evaluation",
     "ExecutionPolicy",
-    "MotionDemand",
     "Observations",
     "PhasePlanePolicy",
     "Policy",
@@ -56,7 +53,6 @@ __all__ = [
     "highest_rate",
     "in_blends",
     "make_policy",
-    "motion_demand",
     "reference_demand",
     "run_blend_episode",
     "run_episode",

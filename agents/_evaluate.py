@@ -12,9 +12,9 @@ import numpy as np
 
 from armtempo.agents._baselines import POLICIES, make_policy
 from armtempo.agents._evaluate_blend import BlendEvaluation, evaluate_blend
-from armtempo.agents._policy import Policy
+from armtempo.agents._policy import Policy, chosen_policies
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, Mode, Schedule, schedule
 
 
@@ -184,12 +184,7 @@ def evaluate(
         )
     if family != "given" or model_error:
         raise InputError("family and model_error are for blend cells", remedy="leave them out")
-    chosen = POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
-    for name in chosen:
-        if name not in POLICIES:
-            raise UnknownNameError("policy", name, POLICIES)
-    if episodes < 1:
-        raise InputError(f"episodes must be at least 1, got {episodes}")
+    chosen = chosen_policies(policies, POLICIES, episodes)
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
     try:
         results, refused = {}, {}

@@ -15,14 +15,12 @@ from armtempo.agents._blend_baselines import (
     BlendBaseline,
     BlendPolicy,
     ConstantRate,
-    MotionDemand,
     blend_baseline,
-    motion_demand,
     planning_time,
 )
+from armtempo.agents._policy import chosen_policies
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
-from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Blend, BlendCell, FamilyName
+from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -35,7 +33,8 @@ class BlendPolicyResult:
     Speed errors are those of the tip against its reference, tick by tick, in the blends alone.
 
     Attributes:
-        plan_duration_s: Mean duration of its plan [s]; None for policies without one.
+        plan_duration_s: Mean duration of its plan [s], over the episodes that finished like ``duration_s``; None for
+            policies without one.
         duration_s: Mean instant of arrival [s].
         blend_speed_min_m_s: Lowest line speed of the reference in a blend [m/s].
         arc_speed_error_max_m_s: Largest error of the speed along the path [m/s]; rms likewise.
@@ -158,14 +157,8 @@ def evaluate_blend(
     Raises:
         UnknownNameError: A policy or a family that does not exist; the message lists those that do.
     """
-    chosen = BLEND_POLICIES if policies is None else (policies,) if isinstance(policies, str) else tuple(policies)
-    for name in chosen:
-        if name not in BLEND_POLICIES:
-            raise UnknownNameError("policy", name, BLEND_POLICIES)
-    if episodes < 1:
-        raise InputError(f"episodes must be at least 1, got {episodes}")
     results = {}
-    for name in chosen:
+    for name in chosen_policies(policies, BLEND_POLICIES, episodes):
         baseline = blend_baseline(name)
         env = BlendTrackingEnv(
             cell,
@@ -211,14 +204,16 @@ def _evaluate_one(
             plans.append(env.reference_time / rate if rate > 0.0 else math.inf)
         if on_episode is not None:
             on_episode(name, episode)
+    finished = [math.isfinite(trace.arrival) for trace in traces]
     arrivals = [trace.arrival for trace in traces if math.isfinite(trace.arrival)]
+    plans = [plan for plan, arrived in zip(plans, finished, strict=False) if arrived]
     demands = [reference_demand(trace) for trace in traces]
     arc = np.concatenate([speed_errors(trace)[0] for trace in traces])
     chord = np.concatenate([speed_errors(trace)[1] for trace in traces])
     contour = np.concatenate([trace.contour_error for trace in traces])
     slowest = [float(trace.v[in_blends(trace)].min()) for trace in traces if in_blends(trace).any()]
     return BlendPolicyResult(
-        plan_duration_s=float(np.mean(plans)) if plans and math.isfinite(max(plans)) else None,
+        plan_duration_s=float(np.mean(plans)) if plans else None,
         duration_s=float(np.mean(arrivals)) if arrivals else None,
         blend_speed_min_m_s=min(slowest, default=None),
         arc_speed_error_max_m_s=_largest(arc),

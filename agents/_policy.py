@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.envs import CoordinationEnv
+from armtempo.errors import InputError, UnknownNameError
 
 Observations = dict[str, NDArray[np.float32]]
 Actions = dict[str, NDArray[np.float32]]
@@ -28,3 +30,19 @@ class Policy(Protocol):
 def to_action(command: float) -> NDArray[np.float32]:
     """A command in [0, 1] as an action."""
     return np.array([2.0 * command - 1.0], dtype=np.float32)
+
+
+def chosen_policies(policies: Sequence[str] | str | None, known: Sequence[str], episodes: int) -> tuple[str, ...]:
+    """The policies that an evaluation is asked for; None: all that are ``known``.
+
+    Raises:
+        UnknownNameError: A policy that does not exist.
+        InputError: Less than one episode.
+    """
+    chosen = known if policies is None else (policies,) if isinstance(policies, str) else policies
+    for name in chosen:
+        if name not in known:
+            raise UnknownNameError("policy", name, known)
+    if episodes < 1:
+        raise InputError(f"episodes must be at least 1, got {episodes}")
+    return tuple(chosen)

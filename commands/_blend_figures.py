@@ -89,23 +89,40 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
         )
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    errors.set_title("Distance of the tip from the path")
-    _shade(errors, cell)
-    for name, trace in traces.items():
-        share = trace.s / trace.cell.blended.length * cell.blended.length  # other corners, other lengths
-        errors.semilogy(share, np.maximum(1e3 * trace.contour_error, SMALLEST_ERROR), **_line(name))
-    allowed = 1e3 * cell.contour_error_max
-    errors.axhline(allowed, **LIMIT)
-    errors.set_ylim(0.5 * SMALLEST_ERROR, 4.0 * allowed)
-    errors.set_xlabel("length along the path [m]")
-    errors.set_ylabel("contour error [mm]")
+    allowed = _contour_errors(errors, cell, traces)
     handles = (
         Line2D([], [], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), label="given segments"),
+        Line2D([], [], color=INK, linewidth=1.8, label="blended path"),
         Line2D([], [], color=BLEND, linewidth=3.0, label="blend"),
-        Line2D([], [], label="allowed", **LIMIT),
+        *allowed,
     )
-    _legend(figure, traces, *handles)
+    _legend(figure, traces if allowed else {}, *handles)
     return figure
+
+
+def _contour_errors(axes: Axes, cell: BlendCell, traces: Mapping[str, BlendTrace]) -> list[Line2D]:
+    """Contour errors along the path, and what the legend says of their limit; where none can be seen, in words."""
+    axes.set_title("Distance of the tip from the path")
+    largest = {name: 1e3 * float(trace.contour_error.max()) for name, trace in traces.items()}
+    allowed = 1e3 * cell.contour_error_max
+    if max(largest.values()) < SMALLEST_ERROR:
+        axes.set(xticks=[], yticks=[], xlabel=" ")  # the label keeps the figure's layout
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        note(axes, 0.0, 0.9, f"on the path to rounding, {allowed:g} mm are allowed; largest:", va="top")
+        for k, (name, value) in enumerate(largest.items()):
+            note(axes, 0.04, 0.8 - 0.08 * k, name, va="top")
+            note(axes, 0.55, 0.8 - 0.08 * k, f"{value:.1e} mm", va="top")
+        return []
+    _shade(axes, cell)
+    for name, trace in traces.items():
+        share = trace.s / trace.cell.blended.length * cell.blended.length  # other corners, other lengths
+        axes.semilogy(share, np.maximum(1e3 * trace.contour_error, SMALLEST_ERROR), **_line(name))
+    axes.axhline(allowed, **LIMIT)
+    axes.set_ylim(0.5 * SMALLEST_ERROR, 4.0 * allowed)
+    axes.set_xlabel("length along the path [m]")
+    axes.set_ylabel("contour error [mm]")
+    return [Line2D([], [], label="allowed", **LIMIT)]
 
 
 @styled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -17,6 +18,7 @@ from armtempo.commands._output import (
     number,
     open_any_cell,
 )
+from armtempo.errors import ArmtempoError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,30 +62,19 @@ def evaluate(
         out: Folder for the PNG files.
         figures: Draw pictures.
     """
-    import math
-
-    from armtempo.errors import ArmtempoError
-
+    _check_numbers(episodes, seed, master_late)
     output = Output(json_file)
-    if episodes < 1:
-        raise ArmtempoError(f"--episodes must be at least 1, got {episodes}", remedy="try --episodes 1")
-    if seed < 0:
-        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
-    if not (math.isfinite(master_late) and master_late >= 0.0):
-        raise ArmtempoError(
-            f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
-        )
     built = open_any_cell(cell, output)
     from armtempo import agents
     from armtempo.planners import BlendCell
 
     if isinstance(built, BlendCell):
+        _check_blend_options(physics, mode, master_late, model_error)
         from armtempo.commands._evaluate_blend import evaluate_blend
 
         evaluate_blend(
             built, tuple(dict.fromkeys(policies)), output, out=out, figures=figures, family=family,
-            episodes=episodes, seed=seed, physics=physics, mode=mode, master_late_s=master_late,
-            model_error=model_error,
+            episodes=episodes, seed=seed, physics=physics, model_error=model_error,
         )  # fmt: skip
         return
     if family != "given" or model_error:
@@ -113,6 +104,24 @@ def evaluate(
         with output.progress("Drawing"):
             drawn = evaluation_figures(result)
         output.pictures(folder, draw(drawn, folder, output))
+
+
+def _check_numbers(episodes: int, seed: int, master_late: float) -> None:
+    if episodes < 1:
+        raise ArmtempoError(f"--episodes must be at least 1, got {episodes}", remedy="try --episodes 1")
+    if seed < 0:
+        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
+    if not (math.isfinite(master_late) and master_late >= 0.0):
+        raise ArmtempoError(
+            f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
+        )
+
+
+def _check_blend_options(physics: str, mode: str, master_late: float, model_error: float) -> None:
+    if mode != "speed" or master_late:
+        raise ArmtempoError("--mode and --master-late are for cells of several arms", remedy="leave them out")
+    if model_error and physics == "ideal":
+        raise ArmtempoError("--model-error needs bodies, and --physics ideal has none", remedy="take --physics bullet")
 
 
 def _finished(results: Mapping[str, PolicyResult]) -> dict[str, PolicyResult]:

@@ -90,7 +90,9 @@ def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
             share(r.jerk_ratio_max),
             share(r.torque_demand_ratio_max),
             number(r.reward, 3),
-            f"{r.finished}/{evaluation.episodes}",
+            f"{r.finished}/{evaluation.episodes}"
+            if r.finished == evaluation.episodes
+            else f"[bold red]{r.finished}/{evaluation.episodes}[/]",
             f"[bold red]{r.left}[/]" if r.left else "0",
         )
     output.table(table)

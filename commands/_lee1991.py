@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from armtempo.commands._reproduce import Quantity, Reproduction
+from armtempo.commands._reproduction import Quantity, Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

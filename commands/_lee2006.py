@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.commands._reproduce import Quantity, Reproduction
+from armtempo.commands._reproduction import Quantity
 
 if TYPE_CHECKING:
-    from armtempo.commands._output import Output
     from armtempo.planners import Blend, BlendCell, BlendedPath, LengthMapping
 
 Array = NDArray[np.float64]
@@ -70,19 +69,9 @@ def run(cell: BlendCell) -> Run:
     )  # fmt: skip
 
 
-def reproduce_lee2006(output: Output) -> Reproduction:
-    """Blends, mapping and the SCARA simulation of the paper."""
-    from armtempo.commands._lee2006_figures import lee2006_figures
-    from armtempo.planners import BlendCell, load_cell
-
-    with output.progress("Loading lee2006 (compiles once after installation)"):
-        cell = load_cell("lee2006", BlendCell)
-        sampled = run(cell)
-    with output.progress("Comparing"):
-        quantities = [*_table2(), *_shape(), *_simulation(cell, sampled), *_beyond(cell, sampled)]
-    with output.progress("Drawing"):
-        figures = lee2006_figures(cell, sampled)
-    return Reproduction("Lee, Ryu, Cheong (2006)", quantities, figures)
+def compare(cell: BlendCell, sampled: Run) -> list[Quantity]:
+    """Every number of the paper, and what it leaves out, beside ours."""
+    return [*_table2(), *_shape(), *_simulation(cell, sampled), *_beyond(cell, sampled)]
 
 
 def _table2() -> list[Quantity]:

@@ -125,8 +125,10 @@ def _variations(factor: float, title: str) -> Figure:
     above.legend(loc="center left", bbox_to_anchor=(0.02, 0.7), ncols=3)
     below.set_xlabel("travelled length [mm]")
     above.set_title(title)
-    jump = float(np.linalg.norm(second, axis=1)[:-1][np.abs(MM * s[2:-1] - MM * path.breakpoints[1]) < 2.0].max())
-    note(below, 0.01, 0.9, f"largest |Aₙ| where the blend begins: {1e3 * jump:.2g} µm")
+    behind = MM * (s[2:] - path.breakpoints[1])  # a second difference is behind the junction with all of its points
+    jump = float(np.linalg.norm(second, axis=1)[np.abs(behind) < 2.5 * STEP_MM].max())
+    below.set_ylim(top=1.3 * float(np.linalg.norm(second, axis=1).max()))
+    note(below, 0.01, 0.92, f"largest |Aₙ| where the blend begins: {1e3 * jump:.2g} µm")
     return figure
 
 

@@ -2,41 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated
 
 import tyro
 
 from armtempo.commands._output import JsonFile, Output, new_table, number, shown
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-class Quantity(NamedTuple):
-    """One value of a paper beside ours."""
-
-    section: str
-    quantity: str
-    unit: str
-    paper: float | None
-    ours: float
-    digits: int = 4
-    note: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON holds it; the note only where there is one."""
-        entry: dict[str, Any] = {"quantity": self.quantity, "unit": self.unit, "paper": self.paper, "ours": self.ours}
-        return {**entry, "note": self.note} if self.note else entry
-
-
-class Reproduction(NamedTuple):
-    """A paper: its authors and year, every value beside ours, its figures by file name."""
-
-    source: str
-    quantities: Sequence[Quantity]
-    figures: Mapping[str, Figure]
+from armtempo.commands._reproduction import Reproduction
 
 
 def _lee1991(output: Output) -> Reproduction:
@@ -46,9 +19,18 @@ def _lee1991(output: Output) -> Reproduction:
 
 
 def _lee2006(output: Output) -> Reproduction:
-    from armtempo.commands._lee2006 import reproduce_lee2006
+    from armtempo.commands._lee2006 import compare, run
+    from armtempo.commands._lee2006_figures import lee2006_figures
+    from armtempo.planners import BlendCell, load_cell
 
-    return reproduce_lee2006(output)
+    with output.progress("Loading lee2006 (compiles once after installation)"):
+        cell = load_cell("lee2006", BlendCell)
+        sampled = run(cell)
+    with output.progress("Comparing"):
+        quantities = compare(cell, sampled)
+    with output.progress("Drawing"):
+        figures = lee2006_figures(cell, sampled)
+    return Reproduction("Lee, Ryu, Cheong (2006)", quantities, figures)
 
 
 PAPERS: dict[str, Callable[[Output], Reproduction]] = {"lee1991": _lee1991, "lee2006": _lee2006}

@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, CellConfig, RobotConfig
-from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.errors import ConfigError, InputError, UnknownNameError
 
 _DATA = Path(__file__).parent
 _SUFFIXES = (".yaml", ".yml")
@@ -109,6 +109,14 @@ def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> A
         remedy = "start from a bundled cell such as configs/cells/lee1991.yaml"
         raise ConfigError(f"{source}: {what}", remedy=remedy, file=source, key="", value=data)
     said = data.get("kind")
+    if "kind" not in data and (blends := [key for key in ("blend", "line_speed", "arm") if key in data]):
+        raise ConfigError(
+            f"{source}: kind: missing, and {blends[0]} belongs to cells of kind blend",
+            remedy="add kind: blend",
+            file=source,
+            key="kind",
+            value=None,
+        )
     if "kind" in data and (not isinstance(said, str) or said not in _KINDS):
         later = said in _LATER_KINDS if isinstance(said, str) else False
         kinds = " or ".join(map(repr, _KINDS))
@@ -135,6 +143,8 @@ def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> A
 def change_blend(config: BlendCellConfig, **changes: Any) -> BlendCellConfig:
     """The same cell with other corners; ``remaining_distance_m`` and ``tolerance_m`` take each other's place.
 
+    A curve that has no shape factor drops the cell's, not one that is asked for with it.
+
     Args:
         config: The cell.
         changes: Keys of ``blend`` and their new values; None keeps what there is.
@@ -146,6 +156,8 @@ def change_blend(config: BlendCellConfig, **changes: Any) -> BlendCellConfig:
     kept = config.blend.model_dump(exclude_none=True)
     if "remaining_distance_m" in given or "tolerance_m" in given:
         kept = {key: value for key, value in kept.items() if key not in ("remaining_distance_m", "tolerance_m")}
+    if given.get("curve", "cubic") != "cubic":
+        kept.pop("shape_factor", None)
     data = config.model_dump(exclude_none=True) | {"blend": {**kept, **given}}
     return parse_cell_config(data, config.source, BlendCellConfig)
 
@@ -197,6 +209,11 @@ def _datasheets() -> dict[str, RobotConfig]:
 
 
 def _cell_path(name_or_path: str | Path) -> Path:
+    if not isinstance(name_or_path, str | Path):
+        raise InputError(
+            f"a cell is a name or a file, got {type(name_or_path).__name__}",
+            remedy=f"give a YAML file, or a bundled cell: {', '.join(bundled_cells())}",
+        )
     path = Path(name_or_path).expanduser()
     bundled = _DATA / "cells" / f"{name_or_path}.yaml"
     if isinstance(name_or_path, str) and name_or_path in bundled_cells():

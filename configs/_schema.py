@@ -450,8 +450,8 @@ class BlendConfig(_Model):
 
     curve: Literal["cubic", "quintic", "low-peak", "septic", "least-time"] = "cubic"
     """Family of the curve: the paper's ``cubic``; the others have no jump of curvature at any corner."""
-    shape_factor: Positive = 3.0
-    """End tangents of the cubic in remaining distances; at 3 the curvature does not jump between lines."""
+    shape_factor: Annotated[Positive, Field(le=4)] = 3.0
+    """End tangents of the cubic in remaining distances, at most 4; at 3 the curvature does not jump between lines."""
     remaining_distance_m: Positive | None = None
     """Length that a blend takes off each of its two segments [m]."""
     tolerance_m: Positive | None = None
@@ -460,6 +460,14 @@ class BlendConfig(_Model):
     @model_validator(mode="after")
     def _one_size(self) -> Self:
         _exactly_one(self, "a blend")
+        return self
+
+    @model_validator(mode="after")
+    def _fits_the_curve(self) -> Self:
+        if self.curve != "cubic" and self.shape_factor != 3.0:
+            raise ValueError(f"shape_factor: belongs to curve 'cubic', not to {self.curve!r}; drop it")
+        if self.curve == "least-time" and self.tolerance_m is None:
+            raise ValueError("tolerance_m: missing; curve 'least-time' needs it instead of remaining_distance_m")
         return self
 
 
@@ -512,6 +520,12 @@ class BlendCellConfig(_CellFile):
     def _path_of_segments(self) -> Self:
         if self.arm.path.start_m is None:
             raise ValueError("arm: its path must be given by start_m and segments; waypoints have no corners to blend")
+        return self
+
+    @model_validator(mode="after")
+    def _has_an_elbow(self) -> Self:
+        if self.arm.elbow is None:
+            raise ValueError("arm: its elbow is missing: positive or negative; two links reach every point in two ways")
         return self
 
     @model_validator(mode="after")

@@ -32,30 +32,30 @@ BLEND_ENTRIES = (
     Entry("time_to_go", -1.0, 1.0, "what the profile still takes at full rate, as a share of its duration; none is -1"),
 )  # fmt: skip
 
+SIGNED = (3, 6 + len(AHEAD))
+"""Acceleration and lag: shares that may be negative; all others are mapped from [0, 1]."""
+
 
 def observe_blend(simulation: BlendSimulation) -> NDArray[np.float32]:
     """The observation now, in the order of ``BLEND_ENTRIES``; a new array."""
     cell, profile = simulation.cell, simulation.profile
     limits, length, allowed = cell.limits, cell.blended.length, cell.contour_error_max
     braking = limits.speed**2 / (2.0 * limits.acceleration)
-    bend = cell.blended.curvature(np.minimum(simulation.s + braking * np.array(AHEAD), length))
-    ahead = bend * limits.speed**2 / limits.normal
-    signed = (
+    bend = cell.blended.curvature(np.minimum(simulation.s + braking * np.array(AHEAD), length)).tolist()
+    ahead = [curvature * limits.speed**2 / limits.normal for curvature in bend]
+    shares = [
         simulation.s / length,
         simulation.v / limits.speed,
         simulation.tip_speed / limits.speed,
+        simulation.a / limits.acceleration,
         simulation.feed.override,
-        *(ahead / (1.0 + ahead)),
+        *(x / (1.0 + x) for x in ahead),
         simulation.contour_error / allowed,
-        np.max(np.abs(simulation.demand) / cell.arm.torque_max),
-        np.max(np.abs(simulation.joint_speeds) / cell.arm.speed_max),
+        simulation.lag / allowed,
+        float((np.abs(simulation.demand) / cell.arm.torque_max).max()),
+        float((np.abs(simulation.joint_speeds) / cell.arm.speed_max).max()),
         bend[0] * simulation.v**2 / limits.normal,
         1.0 - simulation.feed.sigma / profile.duration,
-    )
-    shares = 2.0 * np.clip(signed, 0.0, 1.0) - 1.0
-    entries = np.empty(len(BLEND_ENTRIES), dtype=np.float32)
-    plain = {3: simulation.a / limits.acceleration, 6 + len(AHEAD): simulation.lag / allowed}
-    entries[[k for k in range(len(entries)) if k not in plain]] = shares
-    for k, value in plain.items():
-        entries[k] = min(max(value, -1.0), 1.0)
-    return entries
+    ]
+    entries = [share if k in SIGNED else 2.0 * share - 1.0 for k, share in enumerate(shares)]
+    return np.array([min(max(entry, -1.0), 1.0) for entry in entries], dtype=np.float32)

@@ -23,13 +23,23 @@ from armtempo.envs._simulation import (
     SETTLED_TIME,
     Physics,
 )
-from armtempo.envs._tracking_kernels import measure_tip
+from armtempo.envs._tracking_kernels import follow_ideal, measure_tip
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector, ProfileName
 
 Array = NDArray[np.float64]
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
+
+
+def is_number(value: object) -> bool:
+    """Whether it is one finite number."""
+    return (
+        isinstance(value, int | float | np.integer | np.floating)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+    )
+
 
 _COLUMNS = (
     "time", "s", "v", "a", "j", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed",
@@ -120,9 +130,14 @@ class BlendSimulation:
     ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError("physics", str(physics), PHYSICS)
-        if not (math.isfinite(model_error) and model_error > -1.0):
+        if not (is_number(model_error) and model_error > -1.0):
             raise InputError(
-                f"model_error must be a share above -1, got {model_error}", remedy="give 0.1 for bodies 10 % heavier"
+                f"model_error must be a share above -1, got {model_error!r}", remedy="give 0.1 for bodies 10 % heavier"
+            )
+        if model_error and physics == "ideal":
+            raise InputError(
+                f"model_error is {model_error:g} and physics 'ideal', which has no bodies to be heavier",
+                remedy="take physics='bullet', or leave model_error out",
             )
         self.physics, self.record = physics, record
         n = cell.arm.dof
@@ -155,9 +170,10 @@ class BlendSimulation:
         self.feed = FeedOverride(
             self.profile, self.profile.limits, path=cell.blended if profile == "limit-aware" else None
         )
-        self._paper = PredictorCorrector(cell.blended) if mapping == "paper" else None
-        self._lengths = np.zeros(1)
-        self._end = np.nan  # instant at which the reference arrives
+        self._paper = PredictorCorrector(cell.blended).start() if mapping == "paper" else None
+        if self._paper is not None:
+            self._paper.advance(np.zeros(1))  # the first tick
+        self._end = math.nan  # instant at which the reference arrives
         self._goal = cell.blended.position(cell.blended.length)
         self._ticks = 0
         self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
@@ -198,75 +214,99 @@ class BlendSimulation:
 
     def step(self, override: float) -> None:
         """Run one control period with the feed rate asked for; stops at the first tick out of the tube."""
-        self.feed.request(override)
-        ticks = self._ticks_per_period
-        motion = np.empty((ticks, 5))
-        sigma_at = np.empty(ticks)
-        for k in range(ticks):
-            done, sigma, rate = self.feed.done, self.feed.sigma, self.feed.override
-            motion[k, :3] = self.feed.step(self._tick)
-            motion[k, 3:] = self.feed.jerk, self.feed.override
-            if self.feed.done and not done:  # the rest of the way at the rate of now, inside the tick
-                rest = (self.profile.duration - sigma) / rate if rate > 0.0 else self._tick
-                self._end = self.time + k * self._tick + min(rest, self._tick)
-            sigma_at[k] = self.feed.sigma
-        full = self.profile.at(sigma_at)[1]  # speeds at full rate
+        feed, tick = self.feed, self._tick
+        feed.request(override)
+        done, sigma, rate = feed.done, feed.sigma, feed.override
+        motion = feed.steps(tick, self._ticks_per_period)
+        if feed.done and not done:  # the rest of the way at the rate before, inside the tick
+            k = int(np.argmax(motion[:, 4] >= self.profile.duration))
+            if k:
+                sigma, rate = motion[k - 1, 4:6].tolist()
+            rest = (self.profile.duration - sigma) / rate if rate > 0.0 else tick
+            self._end = self.time + k * tick + min(rest, tick)
+        full = self.profile.at(motion[:, 4])[1]  # speeds at full rate
         joints = self._joints(motion[:, 0])
-        deviation = error = 0.0
-        for k in range(ticks):
-            self.s, self.v, self.a = (float(x) for x in motion[k, :3])
-            self._advance(joints[k])
+        speeds, errors = (self._follow if self._scene is None else self._control)(motion, joints)
+        self.speed_deviation = float(np.abs(speeds - full[: len(speeds)]).mean())
+        self.mean_contour_error = float(errors.mean())
+
+    def _control(self, motion: Array, joints: Array) -> tuple[Array, Array]:
+        """The ticks of a period in PyBullet; speeds of the tip and contour errors at them."""
+        seen = []
+        for row, wanted in zip(motion.tolist(), joints, strict=True):
+            self.s, self.v, self.a = row[:3]
+            self._advance(wanted)
+            seen.append((self.tip_speed, self.contour_error))
             if self.record:
-                self._keep(float(motion[k, 3]), float(motion[k, 4]))
-            deviation += abs(self.tip_speed - full[k])
-            error += self.contour_error
+                self._keep(row[3], row[5])
             if self.left:
                 break
-        self.speed_deviation, self.mean_contour_error = float(deviation) / (k + 1), error / (k + 1)
+        speeds, errors = np.array(seen).T
+        return speeds, errors
+
+    def _follow(self, motion: Array, joints: Array) -> tuple[Array, Array]:
+        """The ticks of a period always on the reference; speeds of the tip and contour errors at them."""
+        n, tick = len(self._q[0]), self._tick
+        rows = np.empty((len(joints), 7 + 3 * n))
+        near = self.station + self.arc_speed * tick if self._ticks else float(motion[0, 0])
+        begun, station = self._ticks, self.station
+        ran = follow_ideal(
+            self._model, self._packed, joints, self._reference, self._coulomb, self._torque_max,
+            CONTROLLER_GAIN / tick, tick, near, self.cell.contour_error_max, self.tip, rows,
+        )  # fmt: skip
+        rows[0, 3] = (rows[0, 0] - station) / tick
+        self._qd[0] = (self._reference[2] - self._reference[1]) / tick
+        for k in range(ran) if self.record else (ran - 1,):
+            self._ticks = begun + k + 1
+            self.s, self.v, self.a = motion[k, :3].tolist()
+            self.station, self.contour_error, self.tip_speed, self.arc_speed = rows[k, :4].tolist()
+            self._q[0], self._torque[0], self._demand[0] = rows[k, 7:].reshape(3, n)
+            self.tip = rows[k, 4:7].copy()
+            if self.record:
+                self._keep(*motion[k, [3, 5]].tolist())
+        self.left = self.contour_error > self.cell.contour_error_max
+        self._arrive()
+        return rows[:ran, 2], rows[:ran, 1]
 
     def _joints(self, lengths: Array) -> Array:
         """(K, n) reference joints at these travelled lengths."""
         if self._paper is None:
-            return self._path.evaluate(lengths)[0]
-        self._lengths = np.concatenate([self._lengths, lengths])
-        return self._path.inverse(self._paper.positions(self._lengths)[-len(lengths) :], lengths)
+            return self._path.inverse(self.cell.blended.position(lengths), lengths)
+        return self._path.inverse(self._paper.advance(lengths), lengths)
 
     def _advance(self, joints: Array) -> None:
-        """One tick towards the reference ``joints`` (n,)."""
+        """One tick in PyBullet towards the reference ``joints`` (n,)."""
         reference, tick = self._reference, self._tick
-        reference[0], reference[1], reference[2] = reference[1].copy(), reference[2].copy(), joints
-        q, qd = self._q[0], self._qd[0]
+        reference[:2], reference[2] = reference[1:].copy(), joints
+        q = self._q[0]
         joint_torques(
-            self._model, reference[0], reference[1], reference[2], q, qd, self._coulomb, self._torque_max,
+            self._model, reference[0], reference[1], reference[2], q, self._qd[0], self._coulomb, self._torque_max,
             CONTROLLER_GAIN / tick, tick, self._demand[0], self._torque[0],
         )  # fmt: skip
-        if self._scene is None:
-            q[:] = joints
-            qd[:] = (joints - reference[1]) / tick
-        else:
-            self._scene.push(self._torque)
-            self._scene.read(self._q, self._qd)
+        assert self._scene is not None
+        self._scene.push(self._torque)
+        self._scene.read(self._q, self._qd)
         self._ticks += 1
-        before, station = self.tip.copy(), self.station
+        before, station = self.tip.tolist(), self.station
         near = self.s if self._ticks == 1 else station + self.arc_speed * tick
         self.station, self.contour_error = measure_tip(self._model, self._packed, q, near, self.tip)
-        self.tip_speed = float(np.linalg.norm(self.tip - before)) / tick
+        self.tip_speed = math.dist(self.tip.tolist(), before) / tick
         self.arc_speed = (self.station - station) / tick
         self.left = self.contour_error > self.cell.contour_error_max
         self._arrive()
 
     def _arrive(self) -> None:
         """Arrival: with the reference, or at the later of its end and the first tick from which the tip is settled."""
-        if np.isnan(self._end) or self._end > self.time + 1e-12 or not np.isnan(self.arrival):
+        if math.isnan(self._end) or self._end > self.time + 1e-12 or not math.isnan(self.arrival):
             return
         if self._scene is None:
             self.arrival = self._end
             return
-        calm = float(np.linalg.norm(self.tip - self._goal)) < SETTLED_DISTANCE and self.tip_speed < SETTLED_SPEED
+        calm = math.dist(self.tip, self._goal) < SETTLED_DISTANCE and self.tip_speed < SETTLED_SPEED
         if not calm:
-            self._settled_since = np.nan
+            self._settled_since = math.nan
             return
-        if np.isnan(self._settled_since):
+        if math.isnan(self._settled_since):
             self._settled_since = self.time
         if self.time - self._settled_since >= SETTLED_TIME - 1e-9:
             self.arrival = max(self._end, self._settled_since)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, final
 
@@ -11,14 +12,14 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from armtempo.envs._blend_observation import BLEND_ENTRIES, observe_blend
-from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName, is_number
 from armtempo.envs._episode import TIME_LIMIT, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
-from armtempo.envs._reward import collision_reward, deviation_reward, progress_reward, time_reward
+from armtempo.envs._reward import deviation_reward, leaving_reward, progress_reward, time_reward
 from armtempo.envs._simulation import Physics
-from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import PATH_FAMILIES, PROFILES, BlendCell, FamilyName, ProfileName, draw_path, load_cell
+from armtempo.errors import ActionError, InputError, RenderError, UnknownNameError
+from armtempo.planners import PATH_FAMILIES, PROFILES, BlendCell, Cell, FamilyName, ProfileName, draw_path, load_cell
 
 RESET_OPTIONS = ("family", "curve", "shape_factor", "remaining_distance_m")
 
@@ -38,8 +39,10 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     **Reward**: share of the path that the reference has covered; minus time in units of the profile's duration (on
     arrival charged to its exact instant); minus, over the same time, how far the tip's speed is from what the profile
-    has at this place at full rate, in line speeds; minus the contour error as a share of what is allowed; minus (2 +
-    share not covered) for leaving the tube, so that leaving never pays. The terms are in ``info["reward_terms"]``.
+    has at this place at full rate, in line speeds; minus the contour error as a share of what is allowed (both at most
+    1). Leaving the tube costs 1 + 3 x the time limit (and one period) in units of the profile's duration. No episode
+    inside can lose more than three per duration, so every one of them, crawling or standing still to the end, returns
+    more than any that leaves. The terms are in ``info["reward_terms"]``.
 
     **Start**: at rest at the start of the path. With a ``family`` other than ``given`` every reset draws a new path.
 
@@ -89,8 +92,14 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ):
             if name not in known:
                 raise UnknownNameError(kind, str(name), known)
-        if max_episode_s is not None and not max_episode_s > 0.0:
-            raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+        if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
+            raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
+        given: object = cell
+        if isinstance(given, Cell):
+            raise InputError(
+                f"{given.name!r} is a coordination cell, and a blend cell is needed here",
+                remedy="give a blend cell such as lee2006, or use CoordinationEnv",
+            )
         self.cell = cell if isinstance(cell, BlendCell) else load_cell(cell, BlendCell)
         self.profile: ProfileName = profile
         self.mapping: MappingName = mapping
@@ -102,7 +111,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._drawn: BlendCell | None = None  # by the renderer
-        self._running = False
+        self._running = self._closed = False
 
     @property
     def trace(self) -> BlendTrace:
@@ -127,9 +136,17 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             UnknownNameError: No such family.
             ConfigError: An option that a cell file could not have.
             PathError: The corners cannot be blended so, or no path of the family can be followed.
+            InputError: ``options`` is no mapping, or the environment is closed.
         """
+        self._running = False  # until all has gone well
+        if self._closed:
+            raise InputError("the environment is closed", remedy="make a new one")
         super().reset(seed=seed)
-        given = options or {}
+        given = {} if options is None else options
+        if not isinstance(given, Mapping):
+            raise InputError(
+                f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(RESET_OPTIONS)}"
+            )
         cell = draw_path(
             self.cell,
             given.get("family", self.family),
@@ -155,8 +172,10 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Run one control period.
 
         Raises:
-            ActionError: The action is not one finite number, or the episode is over.
+            ActionError: The action is not one finite number, the episode is over, or the environment is closed.
         """
+        if self._closed:
+            raise ActionError("the environment is closed", remedy="make a new one")
         if not self._running:
             raise ActionError("the episode is over", remedy="call reset before step")
         simulation = self.simulation
@@ -165,6 +184,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         until = simulation.arrival if arrived else simulation.time
         reference, length = self.reference_time, simulation.cell.blended.length
         elapsed, limits = until - self._charged, simulation.cell.limits
+        longest = self._limit + self.cell.control_period  # it ends with the period in which it runs out
         terms = {
             "progress": progress_reward(simulation.s - self._before, length),
             "time": time_reward(elapsed, reference),
@@ -172,7 +192,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "contour_error": deviation_reward(
                 simulation.mean_contour_error / simulation.cell.contour_error_max, elapsed, reference
             ),
-            "left": collision_reward(simulation.s, length) if simulation.left else 0.0,
+            "left": leaving_reward(longest, reference) if simulation.left else 0.0,
         }
         self._before, self._charged = simulation.s, until
         terminated = arrived or simulation.left
@@ -200,6 +220,8 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
         if self.render_mode is None:
             return None
+        if self._closed:
+            raise RenderError("the environment is closed", remedy="make a new one", mode=self.render_mode)
         if self._renderer is not None and self._drawn is not self.simulation.cell:  # another path
             self._renderer.close()
             self._renderer = None
@@ -209,6 +231,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
+        self._closed = True
         self.simulation.close()
         if self._renderer is not None:
             self._renderer.close()

@@ -15,7 +15,7 @@ from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, re
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
-from armtempo.errors import ActionError
+from armtempo.errors import ActionError, InputError
 from armtempo.planners import Cell, Mode
 
 Observation = NDArray[np.float32]
@@ -94,6 +94,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self.observation_spaces = {agent: observation_space() for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._renderer: Renderer | None = None
+        self._closed = False
         self.np_random, self.np_random_seed = seeding.np_random(None)
 
     @property
@@ -118,6 +119,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
+        if self._closed:
+            raise InputError("the environment is closed", remedy="make a new one")
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
         late = np.zeros(len(self.possible_agents))
@@ -135,8 +138,11 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         """Run one control period. Arms that have arrived need no action.
 
         Raises:
-            ActionError: An action is missing, of the wrong shape or not finite, or the episode is over.
+            ActionError: An action is missing, of the wrong shape or not finite, the episode is over, or the
+                environment is closed.
         """
+        if self._closed:
+            raise ActionError("the environment is closed", remedy="make a new one")
         if not self.agents:
             raise ActionError("the episode is over", remedy="call reset before step")
         commands = self._full_speed.copy()  # an arm at its goal stays there
@@ -172,6 +178,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
+        self._closed = True
         self.simulation.close()
         if self._renderer is not None:
             self._renderer.close()

@@ -19,5 +19,14 @@ def collision_reward(position: float, length: float) -> float:
 
 
 def deviation_reward(share: float, elapsed: float, reference: float) -> float:
-    """Minus a deviation (1: as large as it should never be) over the time it lasted, in units of the reference time."""
-    return -share * elapsed / reference
+    """Minus a deviation (1, or more: as large as can be) over the time it lasted, in units of the reference time."""
+    return -min(share, 1.0) * elapsed / reference
+
+
+def leaving_reward(longest: float, reference: float) -> float:
+    """Minus one and three times the longest an episode can last, in units of the reference time.
+
+    Inside the tube an episode loses at most 1 for time and 1 for each of two deviations per reference time, and no
+    progress: more than minus three times its longest. Who leaves has gained at most 1 before: it ends below any other.
+    """
+    return -(1.0 + 3.0 * longest / reference)

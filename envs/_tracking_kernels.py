@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._kernels import tip_of
+from armtempo.envs._kernels import joint_torques, tip_of
 from armtempo.planners import PackedPath, blended_point
 from armtempo.robots import ArmModel, njit
 
@@ -42,3 +42,49 @@ def measure_tip(model: ArmModel, path: PackedPath, q: Array, near: float, tip: A
     """Write the tip (3,) at ``q`` (n,); its station, looked for from ``near``, and its distance from the path [m]."""
     tip[0], tip[1], tip[2] = tip_of(model, q)
     return nearest_station(path, near, tip)
+
+
+@njit
+def follow_ideal(
+    model: ArmModel,
+    path: PackedPath,
+    joints: Array,
+    reference: Array,
+    coulomb: Array,
+    torque_max: Array,
+    gain: float,
+    tick: float,
+    near: float,
+    allowed: float,
+    tip: Array,
+    rows: Array,
+) -> int:
+    """Ticks of an arm that is always on its reference ``joints`` (K, n), up to the first out of the tube; their number.
+
+    ``reference`` (3, n): before, now, next; shifted here. ``tip`` (3,): where it was. ``near``: about where the first
+    tick ends [m]. ``rows`` (K, 7 + 3 n): station, contour error, speeds of the tip point to point and along the path,
+    tip, joint positions, torques applied and asked for.
+    """
+    ticks, n = joints.shape
+    demand, torque, qd = np.empty(n), np.empty(n), np.empty(n)
+    station, last = near, 0.0
+    for k in range(ticks):
+        for j in range(n):
+            qd[j] = (reference[2, j] - reference[1, j]) / tick
+            reference[0, j], reference[1, j], reference[2, j] = reference[1, j], reference[2, j], joints[k, j]
+        joint_torques(
+            model, reference[0], reference[1], reference[2], reference[1], qd, coulomb, torque_max, gain, tick,
+            demand, torque,
+        )  # fmt: skip
+        x, y, z = tip[0], tip[1], tip[2]
+        station, error = measure_tip(model, path, joints[k], station + last, tip)
+        row = rows[k]
+        row[0], row[1] = station, error
+        row[2] = np.sqrt((tip[0] - x) ** 2 + (tip[1] - y) ** 2 + (tip[2] - z) ** 2) / tick
+        last = station - rows[k - 1, 0] if k else 0.0
+        row[3] = last / tick
+        row[4:7] = tip
+        row[7 : 7 + n], row[7 + n : 7 + 2 * n], row[7 + 2 * n :] = joints[k], torque, demand
+        if error > allowed:
+            return k + 1
+    return int(ticks)

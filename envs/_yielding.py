@@ -95,7 +95,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space: Box = observation_space()  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
-        self._running = False
+        self._running = self._closed = False
         self._full_speed = np.ones(len(names))
         self._others = _others(self.cell, others, mode)
 
@@ -113,6 +113,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
+        if self._closed:
+            raise InputError("the environment is closed", remedy="make a new one")
         super().reset(seed=seed)
         drawn = self.np_random.uniform(*self._late) if self._late[0] < self._late[1] else self._late[0]
         late = np.zeros(len(self.cell.arms))
@@ -129,8 +131,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Run one control period.
 
         Raises:
-            ActionError: The action is not one finite number, or the episode is over.
+            ActionError: The action is not one finite number, the episode is over, or the environment is closed.
         """
+        if self._closed:
+            raise ActionError("the environment is closed", remedy="make a new one")
         if not self._running:
             raise ActionError("the episode is over", remedy="call reset before step")
         if self._others is None:
@@ -155,6 +159,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
+        self._closed = True
         self.simulation.close()
         if self._renderer is not None:
             self._renderer.close()

@@ -33,6 +33,7 @@ from armtempo.planners._length_mapping import ExactMapping, LengthMapping, Predi
 from armtempo.planners._limit_aware import limit_aware_profile
 from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
+from armtempo.planners._motion_demand import MotionDemand, motion_demand
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_path
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
@@ -98,6 +99,7 @@ __all__ = [
     "MakespanBound",
     "Mode",
     "MotionCertificate",
+    "MotionDemand",
     "PackedPath",
     "PairBound",
     "PassingLimits",
@@ -146,6 +148,7 @@ __all__ = [
     "load_instance",
     "makespan_bound",
     "minimum_time",
+    "motion_demand",
     "pair_bound",
     "passing_cost",
     "path_point",

@@ -18,11 +18,11 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import PathError
+from armtempo.errors import InputError, PathError
 from armtempo.planners import _blend_kernels as kernels
 from armtempo.planners._blend_corners import Curve, PassingLimits, packed_segments, plan_corners
 from armtempo.planners._blend_kernels import PackedPath
-from armtempo.planners._cartesian_path import Arc, Line
+from armtempo.planners._cartesian_path import Arc, Line, floats
 
 Array = NDArray[np.float64]
 
@@ -79,9 +79,17 @@ class Blend:
         return path_derivatives(self.packed, s, False)
 
 
+def lengths_on(s: ArrayLike) -> Array:
+    """Lengths of any shape; beyond the ends they mean the ends, but NaN means nothing."""
+    s = floats(s, "lengths")
+    if np.isnan(s).any():
+        raise InputError("a length is not a number")
+    return s
+
+
 def path_derivatives(packed: PackedPath, s: ArrayLike, before: bool) -> tuple[Array, Array, Array, Array]:
     """Position and three derivatives by length of a packed path at lengths of any shape, each (..., 3)."""
-    s = np.asarray(s, dtype=np.float64)
+    s = lengths_on(s)
     out = np.empty((s.size, 4, 3))
     kernels.blended_points(packed, s.reshape(-1), before, out)
     out = out.reshape(*s.shape, 4, 3)
@@ -106,7 +114,7 @@ def blend(
         remaining_distance: Where the blend begins and ends, from the vertex along the segments [m]; or a pair.
         shape_factor: lambda of the cubic, in (0, 4].
         tolerance: Instead: the distance from the vertex to the curve [m]. With both, the remaining distance is the most
-            that is taken, and the tolerance may not be used up.
+            that is taken (of a pair the smaller, on both sides), and the tolerance may not be used up.
         curve: ``cubic`` (Lee2006), ``quintic`` and ``low-peak`` (G2 for any pair), ``septic`` (G3), ``least-time`` (of
             all, the quickest to pass; needs ``tolerance`` and ``limits``), or shares of the inner control points, see
             ``_blend_corners``.
@@ -114,10 +122,18 @@ def blend(
 
     Raises:
         InputError: A number that makes no sense, an unknown curve.
-        PathError: The segments do not meet, continue each other, turn straight back, or are too short for the blend.
+        PathError: The segments do not meet, continue each other, turn straight back, or are too short for the blend; a
+            curve that cannot keep the tolerance.
     """
     kind, shape, lengths = packed_segments((a, b))
-    given = None if remaining_distance is None else np.broadcast_to(np.asarray(remaining_distance, float), (1, 2))
+    given = None
+    if remaining_distance is not None:
+        given = floats(remaining_distance, "remaining_distance")
+        if given.shape not in ((), (2,)):
+            raise InputError(f"remaining_distance {remaining_distance!r} is not one number or a pair")
+        given = np.broadcast_to(given, (1, 2))
+    if tolerance is not None and np.ndim(floats(tolerance, "tolerance")) > 0:
+        raise InputError(f"tolerance {tolerance!r} is not one number")
     corners = plan_corners(
         kind, shape, lengths, given, shape_factor=shape_factor, tolerance=tolerance, curve=curve, limits=limits
     )

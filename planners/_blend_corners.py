@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.errors import InputError, PathError, UnknownNameError
 from armtempo.planners import _blend_kernels as kernels
 from armtempo.planners._blend_kernels import ARC
-from armtempo.planners._cartesian_path import TANGENT_TOLERANCE, Arc, Line
+from armtempo.planners._cartesian_path import NOTHING, TANGENT_TOLERANCE, Arc, Line, floats
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,8 +38,8 @@ CURVES: dict[str, tuple[float, ...]] = {
 }
 LEAST_TIME = "least-time"
 SHARPEST = 1e-4  # [rad] corners with a smaller interior angle count as reversals
-NOTHING = 1e-9  # [m] what is left of a segment between two blends and is shorter is dropped
 GAP = 1e-6  # [m]
+STANDING = 1e-5  # of the remaining distance: a blend with a smaller |F'| somewhere stands still there
 
 
 class PassingLimits(Protocol):
@@ -75,6 +75,8 @@ class Corners(NamedTuple):
 
 def packed_segments(segments: Sequence[Line | Arc]) -> tuple[Ints, Array, Array]:
     """``kind`` (n,), ``shape`` (n, 8, 3) and lengths (n,) of lines and arcs for the kernels."""
+    if isinstance(segments, Line | Arc) or not isinstance(segments, Sequence):
+        raise InputError(f"segments must be a list of lines and arcs, got a {type(segments).__name__}")
     kind, shape = np.zeros(len(segments), dtype=np.int64), np.zeros((len(segments), 8, 3))
     for k, segment in enumerate(segments):
         if isinstance(segment, Line):
@@ -97,7 +99,7 @@ def arc_shapes(start: Array, tangent: Array, curvature: Array, radius: Array) ->
 
 def _per_corner(name: str, value: ArrayLike, count: int, pairs: bool = False) -> Array:
     """One number for all corners, one per corner, or (``pairs``) two per corner, as (count,) or (count, 2)."""
-    given = np.asarray(value, dtype=np.float64)
+    given = floats(value, name)
     if pairs and given.ndim < 2:
         given = np.broadcast_to(given[..., None], (*given.shape, 2))
     wanted = (count, 2) if pairs else (count,)
@@ -121,22 +123,25 @@ def curve_shares(curve: Curve, shape_factor: ArrayLike, count: int) -> tuple[Arr
             f"shape_factor {shape_factor!r} is not in (0, 4]",
             remedy="3 keeps the curvature continuous, 4 cuts no corner",
         )
-    if curve != "cubic" and (factor != 3.0).any():
+    named = isinstance(curve, str)
+    if not (named and curve == "cubic") and (factor != 3.0).any():
         raise InputError(f"shape_factor belongs to the cubic, not to {curve!r}", remedy="drop it")
     if isinstance(curve, str):
         if curve not in CURVES:
             raise UnknownNameError("curve", curve, [*CURVES, LEAST_TIME])
         inner = CURVES[curve]
     else:
-        inner = tuple(float(share) for share in curve)
-        if len(inner) not in (1, 2, 3) or not all(-1.0 <= share < 1.0 for share in inner):
+        given = floats(curve, "shares of a curve")
+        lowest = -1.0 / 3.0 if given.size == 1 else -1.0  # a cubic's as of its shape factor, (0, 4]
+        if given.shape not in ((1,), (2,), (3,)) or not ((given >= lowest) & (given < 1.0)).all():
             raise InputError(
-                f"curve {curve!r} is not one to three shares of the remaining distance in [-1, 1)",
+                f"curve {curve!r} is not one share of the remaining distance in [-1/3, 1), or two or three in [-1, 1)",
                 remedy=f"give numbers like {CURVES['quintic']}, or a name: {', '.join(CURVES)}",
             )
+        inner = tuple(given.tolist())
     shares = np.zeros((count, 3))
     shares[:, : len(inner)] = inner
-    if curve == "cubic":
+    if named and curve == "cubic":
         shares[:, 0] = 1.0 - factor / 3.0
     return shares, np.full(count, 2 * len(inner) + 1, dtype=np.int64)
 
@@ -160,6 +165,9 @@ def plan_corners(
     station = np.cumsum(lengths)
     turn = _turns(before, after, station)
     smooth = turn <= TANGENT_TOLERANCE
+    jump = np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0)
+    straight = smooth & (jump * np.minimum(lengths[:-1], lengths[1:]) <= 1e-9)
+    least_time = isinstance(curve, str) and curve == LEAST_TIME
     if remaining_distance is None and tolerance is None and not smooth.all():
         k = int(np.argmin(smooth))
         raise InputError(
@@ -173,31 +181,62 @@ def plan_corners(
         miss = _per_corner("tolerance", tolerance, count)
         if (miss[~smooth] <= 0.0).any():
             raise InputError("tolerance must be positive at every corner", remedy="give metres > 0")
-        if curve == LEAST_TIME:
+        # blends reach as far to both sides, or the tolerance would not be that of the curve
+        most = np.repeat(most.min(axis=1, keepdims=True), 2, axis=1)
+        joined = straight | (smooth & ((miss <= 0.0) | (remaining_distance is None) | (most[:, 0] <= 0.0)))
+        if least_time:
             from armtempo.planners._blend_least_time import least_time_shares
 
             room = 0.5 * lengths  # two blends share an inner segment
             room[0], room[-1] = lengths[0], lengths[-1]
-            most = np.minimum(most, np.stack([room[:-1], room[1:]], axis=1))
-            shares, degree = least_time_shares(kind, shape, lengths, miss, most.min(axis=1), smooth, limits)
+            most = np.minimum(most, np.minimum(room[:-1], room[1:])[:, None])
+            shares, degree = least_time_shares(kind, shape, lengths, miss, most[:, 0], joined, limits)
         else:
             shares, degree = curve_shares(curve, shape_factor, count)
         reach = np.zeros(count)
-        kernels.corner_distances(kind, shape, lengths, shares, degree, miss, smooth, reach)
+        kernels.corner_distances(kind, shape, lengths, shares, degree, miss, joined, reach)
         if not (reach <= 1e10 * miss).all():
             raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
         remaining = np.minimum(reach[:, None], most)
-    elif curve == LEAST_TIME:
+    elif least_time:
         raise InputError("curve 'least-time' needs a tolerance", remedy="give tolerance, in metres, and limits")
     else:
         shares, degree = curve_shares(curve, shape_factor, count)
-        straight = smooth & (np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0) * lengths.min() <= 1e-9)
         remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
     _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
     remaining[(remaining <= 0.0).any(axis=1)] = 0.0
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
+    _check_curves(coefficients, degree, remaining, deviation, station, None if tolerance is None else miss)
     return Corners(remaining, shares, degree, coefficients, deviation, turn)
+
+
+def _check_curves(
+    coefficients: Array, degree: Ints, remaining: Array, deviation: Array, station: Array, tolerance: Array | None
+) -> None:
+    """Refuse blends that stand still somewhere, and those that miss the tolerance after all."""
+    slowest = np.full(len(degree), np.inf)
+    kernels.slowest_speeds(coefficients, degree, remaining, slowest)
+    standing = slowest < STANDING * remaining.min(axis=1, initial=np.inf)
+    if standing.any():
+        k = int(np.argmax(standing))
+        raise InputError(
+            f"the blend of segments {k} and {k + 1} at {station[k]:.6g} m stands still: its |F'| comes down to "
+            f"{slowest[k]:.3g} m",
+            remedy="give other shares, or a named curve",
+        )
+    if tolerance is None:
+        return
+    missed = (remaining[:, 0] > 0.0) & (deviation > tolerance * (1.0 + 1e-9))
+    if missed.any():
+        k = int(np.argmax(missed))
+        raise PathError(
+            f"no blend of segments {k} and {k + 1} at {station[k]:.6g} m keeps the tolerance of {tolerance[k]:.6g} m: "
+            f"the one found leaves {deviation[k]:.6g} m",
+            remedy="give another curve, or a smaller remaining_distance",
+            station=float(station[k]),
+            segments=(k, k + 1),
+        )
 
 
 def _turns(before: Array, after: Array, station: Array) -> Array:

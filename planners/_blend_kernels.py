@@ -472,6 +472,30 @@ def corner_blends(
 
 
 @njit
+def slowest_speeds(curve: Array, degree: Ints, remaining: Array, out: Array) -> None:
+    """Smallest ``|F'|`` [m] of all blends (n - 1,) into ``out``: samples, then thirds around the lowest."""
+    for k in range(out.shape[0]):
+        if remaining[k, 0] <= 0.0:
+            continue
+        best, at = np.inf, 0.0
+        for i in range(33):
+            speed = curve_speed(curve[k], degree[k], i / 32)
+            if speed < best:
+                best, at = speed, i / 32
+        low, high = max(at - 1.0 / 32, 0.0), min(at + 1.0 / 32, 1.0)
+        for _ in range(40):
+            third = (high - low) / 3.0
+            left = curve_speed(curve[k], degree[k], low + third)
+            right = curve_speed(curve[k], degree[k], high - third)
+            best = min(best, left, right)
+            if left < right:
+                high -= third
+            else:
+                low += third
+        out[k] = best
+
+
+@njit
 def joint_order(before: Array, after: Array, size: float) -> int:
     """Order of geometric continuity (1, 2 or 3) between two (4, 3) of derivatives; ``size`` [m] scales the jumps."""
     jump2 = jump3 = bend = slope = 0.0

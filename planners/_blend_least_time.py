@@ -180,6 +180,8 @@ def _search(
         best = np.inf
         for j in range(len(starts)):
             here, n = starts[j].copy(), start_degrees[j]
+            if n == 3 and (kind[k] == kernels.ARC or kind[k + 1] == kernels.ARC):  # only tangent beside an arc
+                continue
             corner = (kind[k : k + 2], shape[k : k + 2], lengths[k : k + 2])
             cost = _cost(*corner, here, n, tolerance[k], most[k], limits)
             step = FIRST_STEP
@@ -208,8 +210,11 @@ def _search(
 def _checked(limits: PassingLimits | None) -> Array:
     if limits is None:
         raise InputError("curve 'least-time' needs limits", remedy="give LineSpeedLimits")
-    normal = limits.acceleration if limits.normal_acceleration is None else limits.normal_acceleration
-    values = np.array([limits.speed, limits.acceleration, limits.jerk, normal], dtype=np.float64)
+    try:
+        normal = limits.acceleration if limits.normal_acceleration is None else limits.normal_acceleration
+        values = np.array([limits.speed, limits.acceleration, limits.jerk, normal], dtype=np.float64)
+    except (AttributeError, TypeError, ValueError):
+        raise InputError(f"limits {limits!r} are no limits of the line speed", remedy="give LineSpeedLimits") from None
     if not np.isfinite(values).all() or values.min() <= 0.0:
         raise InputError(f"limits {limits!r} must be positive and finite", remedy="give SI values > 0")
     return values

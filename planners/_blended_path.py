@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.errors import InputError, PathError
 from armtempo.planners import _blend_kernels as kernels
-from armtempo.planners._blend import Blend, path_derivatives
+from armtempo.planners._blend import Blend, lengths_on, path_derivatives
 from armtempo.planners._blend_corners import (
-    NOTHING,
     Corners,
     Curve,
     PassingLimits,
@@ -25,7 +24,7 @@ from armtempo.planners._blend_corners import (
     plan_corners,
 )
 from armtempo.planners._blend_kernels import ARC, LINE, PackedPath
-from armtempo.planners._cartesian_path import Arc, Line
+from armtempo.planners._cartesian_path import NOTHING, Arc, Line, floats
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,7 +44,7 @@ class BlendedPath:
             behind each (n - 1, 2).
         shape_factor: lambda of the cubic, for all corners or each.
         tolerance: Instead: distance of the vertex from the path [m], for all corners or each. With both, the remaining
-            distance is the most that is taken.
+            distance is the most that is taken, of a pair the smaller.
         curve: As for ``blend``.
         limits: For ``curve="least-time"``.
         orientation: Of the tool, quaternions (x, y, z, w): one (4,) for all the way, or two (2, 4), between which it
@@ -83,9 +82,9 @@ class BlendedPath:
         limits: PassingLimits | None = None,
         orientation: ArrayLike | None = None,
     ) -> None:
-        if not segments:
-            raise PathError("a path needs at least one segment")
         kind, shape, lengths = packed_segments(segments)
+        if not len(kind):
+            raise PathError("a path needs at least one segment")
         corners = plan_corners(
             kind, shape, lengths, remaining_distance,
             shape_factor=shape_factor, tolerance=tolerance, curve=curve, limits=limits,
@@ -111,7 +110,7 @@ class BlendedPath:
             InputError: As the class, and points of a wrong shape or not finite.
             PathError: As the class, and a point that is given twice in a row.
         """
-        vertices = np.array(points, dtype=np.float64)
+        vertices = floats(points, "points")
         if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 2 or not np.isfinite(vertices).all():
             raise InputError(f"points must be (N, 3), N >= 2, and finite, got shape {vertices.shape}")
         steps = np.diff(vertices, axis=0)
@@ -144,9 +143,11 @@ class BlendedPath:
         trimmed[:, 0] = start[:, 0]
         arcs = kind == ARC
         trimmed[arcs] = arc_shapes(start[arcs, 0], start[arcs, 1], start[arcs, 2], shape[arcs, 3, 0])
+        # a piece must be a segment after rounding, too; one that no blend touches is one already
+        whole = (left > 2.0 * NOTHING) | (left == lengths)
         kinds, shapes = np.zeros(2 * count - 1, dtype=np.int64), np.zeros((2 * count - 1, 8, 3))
         sizes, kept = np.zeros(2 * count - 1), np.ones(2 * count - 1, dtype=bool)
-        kinds[::2], shapes[::2], sizes[::2], kept[::2] = kind, trimmed, left, left > NOTHING
+        kinds[::2], shapes[::2], sizes[::2], kept[::2] = kind, trimmed, left, whole
         kinds[1::2], shapes[1::2], kept[1::2] = corners.degree, corners.curve, corners.remaining[:, 0] > 0.0
         corner = np.repeat(np.arange(count), 2)[: 2 * count - 1]
         kinds, shapes, sizes, self._corner = kinds[kept], shapes[kept], sizes[kept], corner[kept]
@@ -164,16 +165,15 @@ class BlendedPath:
         self._pieces: tuple[Line | Arc | Blend, ...] | None = None
 
     def _turn(self, orientation: ArrayLike | None) -> None:
-        given = np.array([0.0, 0.0, 0.0, 1.0] if orientation is None else orientation, dtype=np.float64)
+        given = floats([0.0, 0.0, 0.0, 1.0] if orientation is None else orientation, "orientation")
         if given.shape == (4,):
             given = np.stack([given, given])
-        size = np.linalg.norm(given, axis=-1, keepdims=True)
-        if given.shape != (2, 4) or not np.isfinite(given).all() or np.abs(size - 1.0).max() > 1e-6:
+        if given.shape != (2, 4) or not np.abs(np.linalg.norm(given, axis=1) - 1.0).max() <= 1e-6:
             raise InputError(
                 f"orientation {orientation!r} is not one or two unit quaternions (x, y, z, w)",
                 remedy="give shape (4,) or (2, 4), each of length 1",
             )
-        given = given / size
+        given = given / np.linalg.norm(given, axis=1, keepdims=True)
         if given[0] @ given[1] < 0.0:
             given[1] = -given[1]
         self._quaternions = given
@@ -229,7 +229,7 @@ class BlendedPath:
 
     def orientation(self, s: ArrayLike) -> Array:
         """Orientation of the tool at length ``s``: unit quaternions (x, y, z, w), (..., 4)."""
-        share = np.clip(np.asarray(s, dtype=np.float64) / self.length, 0.0, 1.0)[..., None]
+        share = np.clip(lengths_on(s) / self.length, 0.0, 1.0)[..., None]
         first, last = self._quaternions
         angle = np.arctan2(np.linalg.norm(last - (first @ last) * first), first @ last)
         if angle < 1e-9:

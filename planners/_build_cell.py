@@ -22,7 +22,7 @@ from armtempo.configs import (
     resolve_file,
     robot_config,
 )
-from armtempo.errors import ArmtempoError, CollisionError, ConfigError, PathError
+from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError
 from armtempo.planners._blend_cell import BlendCell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
@@ -80,11 +80,31 @@ def _build_blend_cell(config: BlendCellConfig) -> BlendCell:
         place += ".path"
         cell = BlendCell.of(config, arm, _elbow(config.arm), _build_segments(config.arm))
         check_path(Clearance([arm], ()), 0, arm, cell.path)
+        _check_holding(arm, cell)
     except ConfigError:
         raise
     except ArmtempoError as error:
         raise error.at(place) from error
     return cell
+
+
+def _check_holding(arm: Arm, cell: BlendCell) -> None:
+    """Raise InfeasibleError where the drives cannot hold the arm at rest on its path."""
+    station = cell.path.pair.station
+    q = cell.path.evaluate(station)[0]
+    rest = np.zeros_like(q)
+    share = np.abs(arm.inverse_dynamics(q, rest, rest)) / arm.torque_max
+    k, joint = np.unravel_index(int(share.argmax()), share.shape)
+    if share[k, joint] > 1.0:
+        unit = "N" if arm.model.prismatic[joint] else "N m"
+        limit = float(arm.torque_max[joint])
+        raise InfeasibleError(
+            f"arm {arm.name!r} cannot hold still at station {station[k]:.4g} m: joint {arm.joint_names[joint]!r} needs "
+            f"{share[k, joint] * limit:.4g} {unit}, its limit is {limit:.4g} {unit}",
+            remedy="raise that limit, or move the path or the base",
+            station=float(station[k]),
+            joint=int(joint),
+        )
 
 
 def _build_coordination_cell(config: CellConfig) -> Cell:

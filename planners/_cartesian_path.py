@@ -15,10 +15,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import PathError
+from armtempo.errors import InputError, PathError
 
 Array = NDArray[np.float64]
 
+NOTHING = 1e-9  # [m] a segment that is shorter is none
+FLAT = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
 TANGENT_TOLERANCE = 1e-6  # [rad] largest corner that passes for a smooth joint (rounded coordinates in a cell file)
 
 
@@ -39,8 +41,23 @@ class Segment(Protocol):
         ...
 
 
+def floats(value: ArrayLike, name: str) -> Array:
+    """A copy of what a caller gave as numbers of one shape; nothing else passes."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be numbers, got {value!r}".replace("\n", " ")) from None
+
+
+def _checked_part(low: float, high: float, length: float) -> None:
+    """Refuse a piece that is empty, runs backwards or leaves its segment."""
+    slack = NOTHING * max(length, 1.0)
+    if not (-slack <= low and low + NOTHING <= high <= length + slack):
+        raise PathError(f"the piece {low!r} .. {high!r} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high")
+
+
 def _point(value: ArrayLike, name: str) -> Array:
-    point = np.array(value, dtype=np.float64)
+    point = floats(value, name)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise PathError(f"{name} must be three finite coordinates in metres, got {value!r}")
     point.setflags(write=False)
@@ -63,7 +80,7 @@ class Line:
         object.__setattr__(self, "start", _point(self.start, "start of a line"))
         object.__setattr__(self, "end", _point(self.end, "end of a line"))
         object.__setattr__(self, "length", float(np.linalg.norm(self.end - self.start)))
-        if self.length < 1e-9:
+        if self.length < NOTHING:
             raise PathError(f"line from {self.start.tolist()} has no length", remedy="move its end or drop it")
 
     def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
@@ -79,7 +96,12 @@ class Line:
         return position, tangent, curvature, np.zeros_like(position)
 
     def part(self, low: float, high: float) -> Line:
-        """The piece between two arc lengths [m]."""
+        """The piece between two arc lengths [m], 0 <= low < high <= length.
+
+        Raises:
+            PathError: Other lengths.
+        """
+        _checked_part(low, high, self.length)
         return Line(*self.evaluate([low, high])[0])
 
 
@@ -95,7 +117,7 @@ class Arc:
             longer than one.
 
     Raises:
-        PathError: Radii differ, the arc has no length, or its plane is not determined.
+        PathError: Radii differ by more than rounded coordinates do, the arc has no length, or its plane is open.
     """
 
     start: Array
@@ -112,7 +134,8 @@ class Arc:
             object.__setattr__(self, name, _point(getattr(self, name), f"{name} of an arc"))
         a, b = self.start - self.center, self.end - self.center
         radius = float(np.linalg.norm(a))
-        if radius < 1e-9 or abs(float(np.linalg.norm(b)) - radius) > 1e-6 * max(radius, 1.0):
+        rounding = max(1e-6 * radius, min(2e-6, 1e-3 * radius))  # coordinates to the micrometre, unless tiny
+        if radius < NOTHING or abs(float(np.linalg.norm(b)) - radius) > rounding:
             raise PathError(
                 f"arc centre {self.center.tolist()} is {radius:.6g} m from its start but "
                 f"{float(np.linalg.norm(b)):.6g} m from its end",
@@ -131,7 +154,7 @@ class Arc:
             raise PathError("the normal of an arc must be perpendicular to both its radii")
         y_axis = np.cross(normal, x_axis)
         angle = math.atan2(float(b @ y_axis), float(b @ x_axis)) % (2.0 * math.pi)
-        if angle < 1e-9:
+        if radius * min(angle, 2.0 * math.pi - angle) < NOTHING:  # rounding makes a whole turn of none
             raise PathError(f"arc about {self.center.tolist()} has no length", remedy="move its end or drop it")
         axes = np.stack([x_axis, y_axis])
         axes.setflags(write=False)
@@ -146,7 +169,7 @@ class Arc:
         """The arc from ``start`` over ``via`` to ``end``, three points (3,) [m].
 
         Raises:
-            PathError: Two of them coincide, or the three lie on one line.
+            PathError: Two of them coincide, or the three lie on one line, to a millionth of its length.
         """
         a, b, c = (_point(p, f"{name} of an arc") for p, name in ((start, "start"), (via, "via"), (end, "end")))
         u, v = b - a, c - a
@@ -157,13 +180,14 @@ class Arc:
             )
         normal = np.cross(u, v)
         area = float(normal @ normal)
-        if math.sqrt(area) < 1e-9 * float(np.linalg.norm(u) * np.linalg.norm(v)):
+        sides = [float(np.linalg.norm(side)) for side in (u, v, c - b)]
+        if math.sqrt(area) * max(sides) < FLAT * math.prod(sides):  # the largest over the circle's diameter
             raise PathError(
-                f"the arc's points {a.tolist()}, {b.tolist()}, {c.tolist()} lie on one line",
+                f"the arc's points {a.tolist()}, {b.tolist()}, {c.tolist()} lie on one line, or nearly",
                 remedy="use a Line, or move the middle point off it",
             )
         center = a + np.cross((u @ u) * v - (v @ v) * u, normal) * (0.5 / area)
-        return Arc(a, c, center, normal)
+        return Arc(a, c, center, normal / math.sqrt(area))
 
     def evaluate(self, s: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""
@@ -179,7 +203,12 @@ class Arc:
         return position, tangent, curvature, -tangent / self.radius**2
 
     def part(self, low: float, high: float) -> Arc:
-        """The piece between two arc lengths [m]."""
+        """The piece between two arc lengths [m], 0 <= low < high <= length.
+
+        Raises:
+            PathError: Other lengths.
+        """
+        _checked_part(low, high, self.length)
         start, end = self.evaluate([low, high])[0]
         return Arc(start, end, self.center, self.normal)
 

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners._blend import Blend
 from armtempo.planners._blend_kernels import PackedPath, blended_point
 from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
 
@@ -27,6 +30,9 @@ SHORTEST, GROWTH, DURATIONS = 0.02, 1.25, 24  # durations tried, the first as a 
 SHARES = 6  # of the way to the override wanted: all, a half, a quarter..
 
 
+PathOf = BlendedPath | CartesianPath | Blend | Line | Arc
+
+
 class FeedOverride:
     """A profile with its speed turned down and up while it runs.
 
@@ -36,7 +42,8 @@ class FeedOverride:
     Args:
         profile: What is run at an override of 1.
         limits: What every motion keeps; the profile's own unless given.
-        path: Keep normal acceleration and vector jerk along it, too; None: tangential limits only.
+        path: Keep normal acceleration and vector jerk along it, too; the one the profile was made for unless given. A
+            profile without one keeps tangential limits only.
 
     Attributes:
         profile: As given.
@@ -44,24 +51,29 @@ class FeedOverride:
 
     Raises:
         InfeasibleError: The profile itself does not keep the limits.
+        InputError: A path of another kind, or of another length than the profile's.
     """
 
     def __init__(
-        self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: BlendedPath | None = None
+        self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: PathOf | None = None
     ) -> None:
         self.profile = profile
         self.limits = profile.limits if limits is None else limits
-        worst = replace(profile, limits=self.limits, path=path).certificate.ratio_max
+        given = profile.path if path is None else path
+        path = None if given is None else _checked_path(given, profile.length)
+        same = self.limits == profile.limits and path is profile.path  # it may know its certificate already
+        certified = profile if same else replace(profile, limits=self.limits, path=path)
+        worst = certified.certificate.ratio_max
         if worst > 1.0 + 1e-6:
             raise InfeasibleError(
                 f"the profile asks for {worst:.4g} times its limits",
-                remedy="plan it with limit_aware_profile, or give no path",
+                remedy="plan it with limit_aware_profile" if path is not None else "plan it within these limits",
                 ratio=worst,
             )
         limits = self.limits
         self._limits = np.array([limits.speed, limits.acceleration, limits.jerk, limits.normal])
         self._packed = None if path is None else path.packed
-        marks = profile.knots if path is None else np.append(profile.knots, profile.time_at(path.breakpoints))
+        marks = profile.knots if path is None else np.append(profile.knots, profile.time_at(path.packed.breakpoints))
         self._marks = np.unique(marks)  # inside of two of them everything is smooth
         swing = min(limits.acceleration / limits.jerk, math.sqrt(limits.speed / limits.jerk))
         self._shortest = SHORTEST * (limits.speed / min(limits.acceleration, limits.jerk * swing) + swing)
@@ -85,7 +97,7 @@ class FeedOverride:
         Raises:
             InputError: Not a number in [0, 1].
         """
-        if not 0.0 <= override <= 1.0:
+        if not (isinstance(override, int | float | np.number) and 0.0 <= override <= 1.0):
             raise InputError(f"an override is a number in 0..1, got {override!r}")
         return bool(
             turn(
@@ -95,9 +107,22 @@ class FeedOverride:
         )  # fmt: skip
 
     def step(self, dt: float) -> tuple[float, float, float]:
-        """Go on by ``dt`` [s]; length [m], speed and acceleration then."""
-        advance(self.profile.knots, self.profile.coefficients, self._warp, dt, self._out)
+        """Go on by ``dt`` [s]; length [m], speed and acceleration then.
+
+        Raises:
+            InputError: Not a finite number, or less than 0.
+        """
+        if not (isinstance(dt, int | float | np.number) and 0.0 <= dt < math.inf):
+            raise InputError(f"a step is a finite number of seconds, 0 or more, got {dt!r}")
+        advance(self.profile.knots, self.profile.coefficients, self._warp, float(dt), self._out)
         return float(self._out[0]), float(self._out[1]), float(self._out[2])
+
+    def steps(self, dt: float, count: int) -> Array:
+        """Go on by ``dt`` [s] so many times; (count, 8) as ``advance`` writes them."""
+        rows = np.empty((count, 8))
+        advance_often(self.profile.knots, self.profile.coefficients, self._warp, dt, rows)
+        self._out[:] = rows[-1]
+        return rows
 
     @property
     def jerk(self) -> float:
@@ -120,6 +145,22 @@ class FeedOverride:
         return self.sigma >= self.profile.duration
 
 
+def _checked_path(path: Any, length: float) -> BlendedPath | Blend:
+    """A path with kernels, as long as the profile."""
+    if isinstance(path, Line | Arc):
+        path = BlendedPath([path])
+    elif isinstance(path, CartesianPath):
+        path = BlendedPath(path.segments)  # type: ignore[arg-type]
+    if not isinstance(path, BlendedPath | Blend):
+        raise InputError(f"the path of an override is a {type(path).__name__}", remedy="give the BlendedPath")
+    if abs(path.length - length) > 1e-9 * max(length, path.length):
+        raise InputError(
+            f"the path is {path.length:.9g} m long but its profile {length:.9g} m",
+            remedy="give the path that the profile was made for",
+        )
+    return path
+
+
 @njit
 def warped(warp: Array, t: float) -> tuple[float, float, float, float]:
     """``sigma``, ``f`` and its two derivatives at ``t`` [s] after the start of a transition."""
@@ -131,7 +172,8 @@ def warped(warp: Array, t: float) -> tuple[float, float, float, float]:
     f = min(max(f, 0.0), 1.0)
     sigma = warp[START] + lasts * way
     if t >= lasts:
-        return sigma + warp[WANTED] * (t - lasts), warp[WANTED], 0.0, 0.0
+        on = warp[WANTED] * (t - lasts) if warp[WANTED] > 0.0 else 0.0  # however long it stands
+        return sigma + on, warp[WANTED], 0.0, 0.0
     first = (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / lasts
     second = (2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / lasts**2
     return sigma, f, first, second
@@ -152,6 +194,13 @@ def advance(knots: Array, coefficients: Array, warp: Array, dt: float, out: Arra
     else:
         out[1], out[2], out[3] = 0.0, 0.0, 0.0
     out[4], out[5], out[6], out[7] = sigma, f, first, second
+
+
+@njit
+def advance_often(knots: Array, coefficients: Array, warp: Array, dt: float, rows: Array) -> None:
+    """``advance`` into each of ``rows`` (K, 8)."""
+    for k in range(rows.shape[0]):
+        advance(knots, coefficients, warp, dt, rows[k])
 
 
 @njit

@@ -23,6 +23,7 @@ from armtempo.planners import _blend_kernels as kernels
 from armtempo.planners._blend import Blend
 from armtempo.planners._blend_kernels import ARC, PackedPath
 from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_path import floats
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
@@ -43,13 +44,17 @@ def corrected_step(
 
 @njit
 def corrected_parameters(
-    packed: PackedPath, lengths: Array, iterations: int, compensate: bool, piece: Ints, u: Array
+    packed: PackedPath, lengths: Array, iterations: int, compensate: bool, state: Array, piece: Ints, u: Array
 ) -> None:
-    """``PredictorCorrector.parameters`` into ``piece`` and ``u``, each (T,)."""
+    """``PredictorCorrector.parameters`` into ``piece`` and ``u``, each (T,).
+
+    ``state`` (7,): piece, drift, whether inside a blend, its parameters in the last two ticks, the way between these,
+    the length before. Zeros before the first tick; left for the next ones.
+    """
     breakpoints = packed.breakpoints
     last = packed.kind.shape[0] - 1
-    k, drift, inside = 0, 0.0, False
-    now = before = d_before = 0.0  # parameters of the last two ticks in this blend
+    k, drift, inside = int(state[0]), state[1], state[2] > 0.0
+    now, before, d_before, length = state[3], state[4], state[5], state[6]
     for i in range(lengths.shape[0]):
         s = lengths[i] + drift
         came = k
@@ -59,7 +64,7 @@ def corrected_parameters(
             inside = False
         if packed.kind[k] > ARC:
             if inside:
-                d = lengths[i] - lengths[i - 1]
+                d = lengths[i] - length
                 ahead = corrected_step(packed.shape[k], packed.kind[k], before, now, d_before, d, iterations)
                 before, now, d_before = now, ahead, d
             else:  # the first tick: what is left of it behind the junction
@@ -74,11 +79,14 @@ def corrected_parameters(
                 if packed.kind[k] > ARC:
                     now = corrected_step(packed.shape[k], packed.kind[k], 0.0, 0.0, 0.0, beyond, iterations)
                     before, d_before, inside = 0.0, beyond, True
+        length = lengths[i]
         piece[i] = k
         if packed.kind[k] > ARC:
             u[i] = min(max(now, 0.0), 1.0)
         else:
             u[i] = min((s - breakpoints[k]) / (breakpoints[k + 1] - breakpoints[k]), 1.0)
+    state[0], state[1], state[2] = k, drift, 1.0 if inside else 0.0
+    state[3], state[4], state[5], state[6] = now, before, d_before, length
 
 
 @njit
@@ -133,16 +141,22 @@ def _gauss_length(shape: Array, degree: int, low: float, high: float) -> float:
 
 
 def arc_length(blend: Blend, u: ArrayLike) -> Array:
-    """Arc length of a blend from 0 to ``u`` [m], any shape, to rounding: adaptive Gauss-Legendre, no table."""
-    u = np.asarray(u, dtype=np.float64)
+    """Arc length of a blend from 0 to ``u`` in [0, 1], any shape, to rounding [m]: adaptive Gauss-Legendre, no table.
+
+    Raises:
+        InputError: A parameter that is not on the blend.
+    """
+    u = floats(u, "u")
+    if not ((u >= 0.0) & (u <= 1.0)).all():
+        raise InputError(f"u must be in 0..1, got {u.min():.6g}..{u.max():.6g}")
     shape, degree = blend.packed.shape[0], blend.degree
     return np.array([_gauss_length(shape, degree, 0.0, float(x)) for x in u.reshape(-1)]).reshape(u.shape)
 
 
 def rk4_length(blend: Blend, steps: int = 10) -> float:
     """Length of a blend by the fourth-order Runge-Kutta of the paper [m] (on a pure integral: Simpson's rule)."""
-    if steps < 1:
-        raise InputError(f"steps is {steps}", remedy="give at least 1")
+    if not isinstance(steps, int | np.integer) or steps < 1:
+        raise InputError(f"steps is {steps}", remedy="give a whole number, at least 1")
     shape, degree = blend.packed.shape[0], blend.degree
     speed = np.array([kernels.curve_speed(shape, degree, i / (2 * steps)) for i in range(2 * steps + 1)])
     weights = np.array([1.0, *([4.0, 2.0] * steps)[:-1], 1.0])
@@ -157,6 +171,8 @@ class LengthMapping(ABC):
     """
 
     def __init__(self, path: BlendedPath | Blend) -> None:
+        if not isinstance(path, BlendedPath | Blend):
+            raise InputError(f"a mapping is of a BlendedPath or a Blend, got a {type(path).__name__}")
         self.packed = path.packed
 
     @abstractmethod
@@ -174,7 +190,7 @@ class LengthMapping(ABC):
         return out
 
     def _checked(self, lengths: ArrayLike) -> tuple[Array, Ints, Array]:
-        given = np.array(lengths, dtype=np.float64)
+        given = floats(lengths, "lengths")
         if given.ndim != 1 or not np.isfinite(given).all() or (np.diff(given) < 0.0).any():
             raise InputError("lengths must be one row of finite metres that never falls")
         given = np.clip(given, 0.0, self.packed.breakpoints[-1])
@@ -204,10 +220,40 @@ class PredictorCorrector(LengthMapping):
 
     def __init__(self, path: BlendedPath | Blend, *, iterations: int = 3, compensate: bool = True) -> None:
         super().__init__(path)
+        if not isinstance(iterations, int | np.integer) or iterations < 0:
+            raise InputError(f"iterations is {iterations!r}", remedy="give 0 or more")
         self.iterations = iterations
         self.compensate = compensate
 
     def parameters(self, lengths: ArrayLike) -> tuple[Ints, Array]:
+        return self.start().parameters(lengths)
+
+    def start(self) -> MappingRun:
+        """A run from the start of the path that takes its lengths little by little."""
+        return MappingRun(self)
+
+
+@final
+class MappingRun(LengthMapping):
+    """The paper's mapping tick by tick: goes on from call to call, and gives the same bits as all ticks at once.
+
+    Args:
+        mapping: Its path and settings.
+    """
+
+    def __init__(self, mapping: PredictorCorrector) -> None:
+        self.packed = mapping.packed
+        self._settings = mapping.iterations, mapping.compensate
+        self._state = np.zeros(7)
+
+    def parameters(self, lengths: ArrayLike) -> tuple[Ints, Array]:
+        """As of ``LengthMapping``, for the next ticks; ``lengths`` (T,) [m] go on from those of the last call."""
         given, piece, u = self._checked(lengths)
-        corrected_parameters(self.packed, given, self.iterations, self.compensate, piece, u)
+        if len(given) and given[0] < self._state[6]:
+            raise InputError("lengths must never fall, from one call to the next either")
+        corrected_parameters(self.packed, given, *self._settings, self._state, piece, u)
         return piece, u
+
+    def advance(self, lengths: ArrayLike) -> Array:
+        """Points (T, 3) [m] in the next ticks."""
+        return self.positions(lengths)

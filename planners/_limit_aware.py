@@ -23,18 +23,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.errors import InfeasibleError
-from armtempo.planners._line_speed import Array, LineSpeedLimits, LineSpeedProfile, path_quantities, profile_states
+from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners._line_speed import (
+    Array,
+    LineSpeedLimits,
+    LineSpeedProfile,
+    path_quantities,
+    peaks,
+    profile_states,
+    shares,
+)
 
 ROUNDS = 12
 SETTLED = 1e-3  # a round that gains less, as a share of the time, is the last
 POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
 CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
+EVENLY, CLOSER = 201, 40  # samples of a piece, and towards each of its ends, by which its knots are laid
 PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
-TRIMS = 1
+NEAR_REST = 0.25  # of the distance to a rest: the longest interval there
+TRIMS = 3
 PARTS = 2  # quintics per interval
 SAMPLES = 12  # per quintic, both ends included
-ZOOM, ZOOMS = 33, 2  # samples around a peak, and around the peak among those
+CLOSE = 2e-3  # of the largest sample: a peak between samples is higher than they by less
 MARGIN = 1e-6  # of the final slowing, for what lies between the samples
 GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
@@ -43,15 +53,21 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
     """The fastest profile from rest to rest along ``path`` that keeps all ``limits`` as vectors, nearly.
 
     Where the curvature of the path jumps (a breakpoint whose ``continuity`` is 1) it stops. The work grows linearly
-    with the length of the path.
+    with the number of pieces, and with the logarithm of their length over that of a ramp to line speed.
 
     Args:
-        path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``.
+        path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``; or a
+            single line, arc or blend.
         limits: Speed, tangential and normal acceleration, jerk of the whole vector.
 
     Raises:
+        InputError: Limits or a path of another kind.
         InfeasibleError: The program of some part could not be solved.
     """
+    if not isinstance(limits, LineSpeedLimits):
+        raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
+    if not (hasattr(path, "length") and hasattr(path, "derivatives")):
+        raise InputError(f"a {type(path).__name__} is no path", remedy="give a BlendedPath, or one segment")
     stops = _stops(path)
     knots, rows, now = [np.zeros(1)], [], 0.0
     for start, end in pairwise(stops):
@@ -66,7 +82,9 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
 
 def _stops(path: Any) -> Array:
     """Where the motion must rest: both ends, and breakpoints with a jump of curvature."""
-    inner = np.asarray(getattr(path, "breakpoints", [0.0, path.length]), dtype=np.float64)[1:-1]
+    if not hasattr(path, "breakpoints"):  # one segment
+        return np.array([0.0, path.length])
+    inner = np.asarray(path.breakpoints, dtype=np.float64)[1:-1]
     if hasattr(path, "continuity"):
         jumps = np.asarray(path.continuity) < 2
     else:
@@ -111,7 +129,9 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
     ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
     first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
     marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
-    s = marks[:-1, None] + np.diff(marks)[:, None] * np.linspace(1e-6, 1.0 - 1e-6, 201)  # (pieces, samples)
+    closer = np.geomspace(1e-6, 1.0 / (EVENLY - 1), CLOSER + 2)[1:-1]
+    share = np.concatenate([np.linspace(1e-6, 1.0 - 1e-6, EVENLY), closer, 1.0 - closer])
+    s = marks[:-1, None] + np.diff(marks)[:, None] * np.sort(share)  # (pieces, samples)
     bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
     cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
     change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
@@ -123,7 +143,7 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> A
         if bend[k].max() * length > CURVED:
             spacing = np.minimum(spacing, 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
         spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
-        spacing = np.minimum(spacing, 0.35 * np.minimum(s[k] - start, end - s[k]))
+        spacing = np.minimum(spacing, NEAR_REST * np.minimum(s[k] - start, end - s[k]))
         density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
         count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
         inside = np.interp(np.linspace(0.0, count[-1], math.ceil(count[-1]) + 1)[1:], count, s[k])
@@ -387,30 +407,15 @@ def _quintics(s: Array, v: Array, a: Array, steps: Array) -> Array:
 def _slowing(path: Any, limits: LineSpeedLimits, knots: Array, coefficients: Array) -> tuple[float, Array]:
     """By how much time must stretch for the true limits to hold; by normal acceleration and jerk for each piece."""
 
-    def stretches(t: Array) -> tuple[Array, Array, Array]:
+    def stretches(t: Array) -> Array:
         out = np.empty((4, t.size))
         profile_states(knots, coefficients, t.ravel(), out)
         s, v, a, j = out.reshape(4, *t.shape)
         tangential, normal, jerk = path_quantities(path, s, v, a, j)
         plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
-        return plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)
+        return np.stack([plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)])
 
-    steps = np.diff(knots)[:, None]
-    share = np.linspace(0.0, 1.0, SAMPLES)
-    share[0], share[-1] = 1e-9, 1.0 - 1e-9
-    kinds = np.stack(stretches(knots[:-1, None] + share * steps))
-    coarse = kinds.max(axis=0)
-    peak = kinds > coarse.max() * (1.0 - 2e-3)  # of any kind: one may be higher between samples than all others at them
-    peak[..., 1:] &= kinds[..., 1:] >= kinds[..., :-1]
-    peak[..., :-1] &= kinds[..., :-1] >= kinds[..., 1:]
-    near, top = np.nonzero(peak.any(axis=0))
-    low, high = share[np.maximum(top - 1, 0)], share[np.minimum(top + 1, SAMPLES - 1)]
-    worst = coarse.max()
-    for _ in range(ZOOMS):
-        fine = low[:, None] + np.linspace(0.0, 1.0, ZOOM) * (high - low)[:, None]
-        values = np.stack(stretches(knots[near][:, None] + fine * steps[near]))
-        worst = max(worst, values.max())
-        kind, of = np.nonzero(values.max(axis=2) > worst * (1.0 - 1e-4))
-        top = values[kind, of].argmax(axis=1)
-        near, low, high = near[of], fine[of, np.maximum(top - 1, 0)], fine[of, np.minimum(top + 1, ZOOM - 1)]
-    return float(worst) * (1.0 + MARGIN), kinds[1:].max(axis=2)
+    sampled = stretches(knots[:-1, None] + shares(SAMPLES) * np.diff(knots)[:, None])
+    # a peak of any kind may be higher between samples than all others at them
+    worst = peaks(stretches, knots, sampled, np.full(3, sampled.max()), CLOSE).max()
+    return float(worst) * (1.0 + MARGIN), sampled[1:].max(axis=2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, Protocol
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 Reading = Literal["peak", "mean"]
 
 CERTIFY_SAMPLES = 12  # per piece, both ends included
+CLOSE = 2e-2  # of the largest sample: peaks between samples are looked for where they are as close to it
+ZOOM, ZOOMS = 33, 2  # samples around a peak, and around the peak among those
 INSIDE = 1e-9  # share of a piece: each end belongs to its own piece (jerk, and what a path bends, may jump at a knot)
 
 
@@ -69,7 +72,7 @@ class LineSpeedLimits:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LineSpeedCertificate:
-    """What a profile asks for, sampled densely inside every piece; ratios to the limits (1 is the limit).
+    """What a profile asks for, sampled in every piece and closer at the peaks; ratios to the limits (1 is the limit).
 
     Attributes:
         speed_ratio_max: Line speed.
@@ -267,30 +270,71 @@ class LineSpeedProfile:
 
     def samples(self, count: int = CERTIFY_SAMPLES) -> Array:
         """(K, count) instants [s] inside every piece, next to both its ends and evenly between."""
-        share = np.linspace(0.0, 1.0, count)
-        share[0], share[-1] = INSIDE, 1.0 - INSIDE
-        return self.knots[:-1, None] + share * np.diff(self.knots)[:, None]
+        return self.knots[:-1, None] + shares(count) * np.diff(self.knots)[:, None]
 
     @cached_property
     def certificate(self) -> LineSpeedCertificate:
-        """Worst ratios by dense sampling inside every piece, the jumps between pieces and the error at the end."""
+        """Worst ratios inside the pieces, the jumps between them and the error at the end."""
         limits = self.limits
-        s, v, a, j = self.at(self.samples())
-        tangential, jerk, normal = np.abs(a), np.abs(j), np.zeros_like(v)
-        if self.path is not None:
+
+        def sizes(t: Array) -> Array:
+            s, v, a, j = self.at(t)
+            if self.path is None:
+                return np.stack([np.abs(v), np.abs(a), np.abs(j), np.zeros_like(v)])
             tangential, normal, jerk = path_quantities(self.path, s, v, a, j)
+            return np.stack([np.abs(v), tangential, jerk, normal])
+
+        sampled = sizes(self.samples())
+        top = sampled.max(axis=(1, 2))
+        speed, acceleration, jerk, normal = (float(x) for x in peaks(sizes, self.knots, sampled, top, CLOSE))
         starts = self.coefficients[:, :3] * [1.0, 1.0, 2.0]
         scale = np.array([self.length, limits.speed, limits.acceleration])
         jumps = np.concatenate([starts[:1], starts[1:] - self._ends[:-1], self._ends[-1:] * [0.0, 1.0, 1.0]])
         return LineSpeedCertificate(
-            speed_ratio_max=float(v.max()) / limits.speed,
-            acceleration_ratio_max=float(tangential.max()) / limits.acceleration,
-            jerk_ratio_max=float(jerk.max()) / limits.jerk,
-            normal_ratio_max=float(normal.max()) / limits.normal,
-            lowest_speed=float(v.min()),
+            speed_ratio_max=speed / limits.speed,
+            acceleration_ratio_max=acceleration / limits.acceleration,
+            jerk_ratio_max=jerk / limits.jerk,
+            normal_ratio_max=normal / limits.normal,
+            lowest_speed=float(self.at(self.samples())[1].min()),
             gap=float(np.abs(jumps / scale).max()),
             end_error=float(abs(self._ends[-1, 0] - self.length)),
         )
+
+
+def shares(count: int) -> Array:
+    """(count,) of a piece: next to both its ends and evenly between."""
+    share = np.linspace(0.0, 1.0, count)
+    share[0], share[-1] = INSIDE, 1.0 - INSIDE
+    return share
+
+
+def peaks(measure: Callable[[Array], Array], knots: Array, sampled: Array, top: Array, close: float) -> Array:
+    """The largest values (Q,) of Q quantities over the pieces, also between the samples.
+
+    Args:
+        measure: The quantities at instants of any shape, (Q, ...).
+        knots: (K+1,) instants [s].
+        sampled: (Q, K, S) the quantities at ``shares(S)`` of every piece.
+        top: (Q,) what is known to be reached. A peak of the samples is looked at twice as closely where it is nearer
+            to it than ``close``, as a share.
+        close: See there.
+    """
+    steps, share = np.diff(knots)[:, None], shares(sampled.shape[2])
+    peak = sampled > top[:, None, None] * (1.0 - close)
+    peak[..., 1:] &= sampled[..., 1:] >= sampled[..., :-1]
+    peak[..., :-1] &= sampled[..., :-1] >= sampled[..., 1:]
+    near, at = np.nonzero(peak.any(axis=0))
+    low, high = share[np.maximum(at - 1, 0)], share[np.minimum(at + 1, len(share) - 1)]
+    for _ in range(ZOOMS):
+        if not len(near):
+            break
+        fine = low[:, None] + np.linspace(0.0, 1.0, ZOOM) * (high - low)[:, None]
+        values = measure(knots[near][:, None] + fine * steps[near])
+        top = np.maximum(top, values.max(axis=(1, 2)))
+        kind, of = np.nonzero(values.max(axis=2) > top[:, None] * (1.0 - 1e-4))
+        at = values[kind, of].argmax(axis=1)
+        near, low, high = near[of], fine[of, np.maximum(at - 1, 0)], fine[of, np.minimum(at + 1, ZOOM - 1)]
+    return top
 
 
 def path_quantities(path: SmoothPath, s: Array, v: Array, a: Array, j: Array) -> tuple[Array, Array, Array]:

@@ -11,17 +11,18 @@ with ``p`` the tip in the plane of motion and ``J`` its Jacobian. The axes may s
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, final
+from typing import Literal, Protocol, final, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import PathError
+from armtempo.errors import PathError, UnknownNameError
 from armtempo.planners._joint_path import JointPath
 from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
 Elbow = Literal["positive", "negative"]
+ELBOWS: tuple[Elbow, ...] = get_args(Elbow)
 
 SINGULAR_SINE = (
     0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
@@ -65,10 +66,13 @@ class PlanarPair:
         station: (K,) [m] samples of the path, between which no joint turns by more than a radian.
 
     Raises:
+        UnknownNameError: No such elbow.
         PathError: The axes are not parallel; the path leaves the reach or passes near a singularity.
     """
 
     def __init__(self, arm: Arm, path: TipPath, elbow: Elbow) -> None:
+        if elbow not in ELBOWS:
+            raise UnknownNameError("elbow", str(elbow), ELBOWS)
         self.arm, self.path = arm, path
         self._measure()
         self._bend = self.side * (1.0 if elbow == "positive" else -1.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
+from hypothesis import settings
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
@@ -20,6 +21,8 @@ from armtempo.robots import Arm
 Floats = NDArray[np.float64]
 
 os.environ["ARMTEMPO_CACHE"] = "off"  # tests find out for themselves
+settings.register_profile("untimed", parent=settings(), deadline=None)  # first examples compile, machines are busy
+settings.load_profile("untimed")
 
 
 class JointSpline(JointPath):

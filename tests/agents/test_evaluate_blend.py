@@ -15,10 +15,9 @@ from armtempo.agents import (
     evaluate_blend,
     highest_rate,
     in_blends,
-    motion_demand,
 )
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, motion_demand
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +93,12 @@ def test_policies_meet_the_same_random_paths(lee2006: BlendCell) -> None:
     assert random["random"].plan_duration_s is None
 
 
+def test_cubics_of_another_shape_meet_smooth_baselines(lee2006: BlendCell) -> None:
+    result = evaluate(lee2006.variant(shape_factor=2.0), ("limit-aware-smooth",), physics="ideal").results
+    assert result["limit-aware-smooth"].trace.cell.config.blend.curve == "quintic"
+    assert result["limit-aware-smooth"].finished == 1
+
+
 def test_results_are_numbers_with_units(evaluation: BlendEvaluation) -> None:
     from armtempo.commands._output import plain
 
@@ -115,3 +120,14 @@ def test_wrong_requests_are_refused(lee1991: Cell, lee2006: BlendCell) -> None:
         evaluate(lee2006, master_late_s=0.1)  # type: ignore[call-overload]
     with pytest.raises(InputError, match="are for blend cells"):
         evaluate(lee1991, family="zigzag")  # type: ignore[call-overload]
+
+
+def test_plans_and_arrivals_are_of_the_same_episodes(lee2006: BlendCell) -> None:
+    """Heavier bodies in a narrow tube: full rate leaves it on the given path and arrives nowhere."""
+    narrow = lee2006.config.model_copy(update={"contour_error_max_m": 1.5e-4})
+    cell = BlendCell.of(narrow, lee2006.arm, lee2006.elbow, lee2006.segments)
+    none = evaluate(cell, ("line-speed",), model_error=0.1).results["line-speed"]
+    assert (none.finished, none.plan_duration_s, none.duration_s) == (0, None, None)
+    some = evaluate_blend(cell, ("line-speed",), family="zigzag", episodes=4, model_error=0.1).results["line-speed"]
+    assert 0 < some.finished < 4
+    assert some.plan_duration_s == pytest.approx(some.duration_s, abs=0.03)

@@ -10,14 +10,15 @@ import pybullet
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from armtempo.envs import CoordinationEnv, Physics, YieldingEnv
+from armtempo.envs import BlendTrackingEnv, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs._scene import Scene
-from armtempo.planners import Cell
+from armtempo.planners import BlendCell, Cell
 
 RESET_MS = 2.0
 BARE_RATIO = 2.0
 IDEAL_RATIO = 10.0
 STEPS_PER_S = {"bullet": 500.0, "ideal": 5000.0}  # on a machine that does other things too
+BLEND_STEPS_PER_S = {"bullet": 400.0, "ideal": 1200.0}  # likewise; 10 ticks each
 ACTION = np.array([0.2], dtype=np.float32)
 LATE = 0.1  # so that whole episodes run without a violation
 
@@ -82,6 +83,27 @@ def test_steps_per_second(benchmark: BenchmarkFixture, lee1991: Cell, physics: P
         seconds = benchmark(_seconds_per_step, env, steps)
         benchmark.extra_info["steps_per_s"] = 1.0 / seconds
         assert 1.0 / seconds > STEPS_PER_S[physics]
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize("physics", ["bullet", "ideal"])
+def test_blend_steps_per_second(benchmark: BenchmarkFixture, lee2006: BlendCell, physics: Physics) -> None:
+    """Steps of 10 ticks; best of many, because the machine does other things too."""
+    env = BlendTrackingEnv(lee2006, physics=physics)
+
+    def steps() -> float:
+        env.reset()
+        began = time.perf_counter()
+        for _ in range(80):  # at 0.6 of the rate: none arrives
+            env.step(ACTION)
+        return (time.perf_counter() - began) / 80
+
+    try:
+        benchmark(steps)
+        seconds = min(steps() for _ in range(20))
+        benchmark.extra_info["ticks_per_s"] = 10.0 / seconds
+        assert 1.0 / seconds > BLEND_STEPS_PER_S[physics]
     finally:
         env.close()
 

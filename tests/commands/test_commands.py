@@ -165,7 +165,7 @@ def test_evaluate_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
         "torque.png",
     }
     line = ["evaluate", "lee2006", "--policies", "random", "--family", "zigzag", "--model-error", "0.05"]
-    assert main([*line, "--physics", "ideal", "--no-figures", "--json", "-"]) == 0
+    assert main([*line, "--no-figures", "--json", "-"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert (data["family"], data["model_error"], list(data["policies"])) == ("zigzag", 0.05, ["random"])
 
@@ -288,7 +288,8 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee1991", "--seed", "-1"], ["--seed"]),
         (["evaluate", "lee1991", "--master-late", "nan"], ["--master-late"]),
         (["evaluate", "lee2006", "--policies", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
-        (["evaluate", "lee2006", "--mode", "acceleration"], ["mode and master_late_s are for cells of several arms"]),
+        (["evaluate", "lee2006", "--mode", "acceleration"], ["--mode and --master-late are for cells of several arms"]),
+        (["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"], ["--model-error needs bodies"]),
         (["evaluate", "lee2006", "--model-error", "-2"], ["model_error must be a share above -1"]),
         (["evaluate", "lee1991", "--family", "zigzag"], ["--family", "blend cells"]),
         (["plan", "lee2006"], ["lee2006.yaml: kind: this is a blend cell, and a coordination cell is needed here"]),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from armtempo.commands import main
+from armtempo.planners import BlendCell
 
 SLIP = "α = 30, 90°, L_r = 20 mm"
 
@@ -66,3 +67,27 @@ def test_every_figure_of_the_paper_is_drawn(folder: Path) -> None:
     drawn = sorted(file.name.split("_")[0] for file in folder.glob("fig*.png"))
     assert drawn == sorted(f"fig{k}" for k in (3, 5, 6, 7, 8, 9, 13, 14, 15, 16, 17, 18))
     assert all(file.stat().st_size > 10_000 for file in folder.glob("*.png"))
+
+
+def test_the_jump_at_a_blend_is_that_of_the_curvature() -> None:
+    """A second difference is curvature x step^2: 25 um at lambda = 1."""
+    from armtempo.commands._lee2006_figures import _variations
+    from armtempo.planners import BlendedPath
+
+    path = BlendedPath.through([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.3, 0.0]], 0.15, shape_factor=1.0)
+    step = float(path.curvature(path.breakpoints[1] + 1e-9))  # [um] for steps of 1 mm
+    said = _variations(1.0, "Fig. 8").axes[1].texts[0].get_text()
+    assert float(said.split()[-2]) == pytest.approx(step, rel=0.1)
+
+
+def test_errors_too_small_to_draw_are_written(lee2006: BlendCell) -> None:
+    from armtempo.agents import evaluate_blend
+    from armtempo.commands._blend_figures import blended_path
+
+    for error in (0.0, 0.1):
+        written = error == 0.0
+        result = evaluate_blend(lee2006, ("line-speed",), model_error=error).results["line-speed"]
+        figure = blended_path(lee2006, {"line-speed": result.trace})
+        texts = [text.get_text() for text in figure.axes[1].texts]
+        assert ("line-speed" in texts) == written
+        assert "blended path" in [text.get_text() for text in figure.legends[0].get_texts()]

@@ -530,6 +530,22 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
         ),
         (top({"blend": {"radius_m": 0.1}}), "blend.radius_m", "unknown key (known: curve, shape_factor, remaining"),
         (top({"blend": {"remaining_distance_m": 0.1, "curve": "nurbs"}}), "blend.curve", "must be 'cubic', 'quintic'"),
+        (
+            top({"blend": {"remaining_distance_m": 0.1, "curve": "quintic", "shape_factor": 2}}),
+            "blend.shape_factor",
+            "belongs to curve 'cubic', not to 'quintic'; drop it",
+        ),
+        (
+            top({"blend": {"remaining_distance_m": 0.1, "shape_factor": 4.5}}),
+            "blend.shape_factor",
+            "must be less than or equal to 4, got 4.5",
+        ),
+        (
+            top({"blend": {"remaining_distance_m": 0.1, "curve": "least-time"}}),
+            "blend.tolerance_m",
+            "missing; curve 'least-time' needs it instead of remaining_distance_m",
+        ),
+        (drop("kind"), "kind", "missing, and blend belongs to cells of kind blend (add kind: blend)"),
         (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, arm, blend, line_speed"),
         (drop("line_speed"), "line_speed", "missing (add it: Limits of the tip's motion)"),
         (
@@ -547,6 +563,7 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
             "arm",
             "its path must be given by start_m and segments",
         ),
+        (lambda data: data["arm"].pop("elbow"), "arm", "its elbow is missing: positive or negative"),
     ],
 )
 def test_blend_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:
@@ -588,3 +605,9 @@ def test_corners_can_be_changed() -> None:
     assert changed.source == config.source
     with pytest.raises(ConfigError, match=r"lee2006.yaml: blend.shape_factor: must be greater than 0, got -1"):
         change_blend(config, shape_factor=-1)
+    tight = change_blend(config, shape_factor=2.0)
+    assert tight.blend.shape_factor == 2.0
+    assert change_blend(tight, curve="quintic").blend.shape_factor == 3.0  # the cubic's goes with the cubic
+    assert change_blend(tight, curve="cubic").blend.shape_factor == 2.0
+    with pytest.raises(ConfigError, match=r"blend.shape_factor: belongs to curve 'cubic', not to 'quintic'"):
+        change_blend(tight, curve="quintic", shape_factor=2.0)

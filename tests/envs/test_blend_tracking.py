@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from armtempo.agents import highest_rate
 from armtempo.envs import BLEND_ENTRIES, MAPPINGS, PHYSICS, BlendTrackingEnv, Physics
 from armtempo.errors import ActionError, ConfigError, InputError, PathError, RenderError, UnknownNameError
-from armtempo.planners import PATH_FAMILIES, BlendCell, Cell, FamilyName
+from armtempo.planners import PATH_FAMILIES, BlendCell, Cell, FamilyName, draw_path, motion_demand
 
 FULL = np.ones(1, dtype=np.float32)
 STOP = -np.ones(1, dtype=np.float32)
@@ -124,12 +125,29 @@ def test_leaving_the_tube_ends_the_episode_and_never_pays(lee2006: BlendCell) ->
     assert not info["is_success"]
     assert "arrival_s" not in info
     assert trace.contour_error[-1] > 2e-4 >= trace.contour_error[:-1].max()  # at that tick
-    share = trace.s[-1] / cell.blended.length
-    assert sums["left"] == pytest.approx(-(2.0 + 1.0 - share))
-    slow, arrived = run(env, *[0.2 * FULL] * 400)
+    duration = cell.line_speed.duration
+    assert sums["left"] == pytest.approx(-(1.0 + 3.0 * (5.0 + cell.control_period / duration)))
     env.close()
-    assert arrived["is_success"]
-    assert slow["total"] > sums["total"]
+
+
+@pytest.mark.parametrize("family", ["given", "line-arc"])
+def test_leaving_is_worse_than_whatever_stays(lee2006: BlendCell, family: FamilyName) -> None:
+    """At once, late, or having crept: below every constant rate and below standing still to the end."""
+    tiny = lee2006.config.model_copy(update={"contour_error_max_m": 1.22e-4})  # standing: 0.1 mm
+    cell = BlendCell.of(tiny, lee2006.arm, lee2006.elbow, lee2006.segments)
+    env = BlendTrackingEnv(cell, model_error=0.1, family=family)
+    left: list[float] = []
+    stayed: list[float] = []
+    arrived = 0
+    policies = ([FULL], [STOP], [-FULL] * 100 + [FULL], *[[(2.0 * rate - 1.0) * FULL] for rate in (0.05, 0.2, 0.5)])
+    for policy in policies:
+        sums, info = run(env, *policy, seed=2)
+        (left if info["left"] else stayed).append(sums["total"])
+        arrived += info["is_success"]
+    env.close()
+    assert left
+    assert arrived
+    assert max(left) < min(stayed)
 
 
 def test_a_model_error_shows_as_contour_error_with_acceleration(lee2006: BlendCell) -> None:
@@ -162,6 +180,32 @@ def test_every_seed_draws_another_path_within_reach(lee2006: BlendCell, family: 
     env.close()
 
 
+@pytest.mark.parametrize("family", PATH_FAMILIES[1:])
+def test_the_arm_can_follow_what_is_drawn_whatever_the_corners(lee2006: BlendCell, family: FamilyName) -> None:
+    for seed in (*range(6), 60, 79, 156, 184):
+        cells = [draw_path(lee2006, family, np.random.default_rng(seed), curve=curve) for curve in (None, "quintic")]
+        for one, other in zip(cells[0].segments, cells[1].segments, strict=True):
+            np.testing.assert_array_equal([one.start, one.end], [other.start, other.end])
+        for cell in cells:
+            profile = cell.line_speed
+            demand = motion_demand(cell, *profile.at(np.linspace(0.0, profile.duration, 1001)))
+            assert max(demand.torque_ratio_max, demand.joint_speed_ratio_max) < 1.0
+            assert demand.normal_ratio_max < 16.0  # a constant rate of 1/4 keeps it, and arrives before the time limit
+            radius = np.linalg.norm(cell.blended.position(np.linspace(0.0, cell.blended.length, 400))[:, :2], axis=1)
+            assert 0.307 < radius.min() < radius.max() < 0.75  # as the given path
+
+
+def test_random_paths_are_followed_at_full_rate_and_at_the_constant_one(lee2006: BlendCell) -> None:
+    for family in PATH_FAMILIES[1:]:
+        env = BlendTrackingEnv(lee2006, family=family, record=True)
+        for rate in (1.0, 0.25):  # a quarter keeps all limits of the tip
+            assert run(env, (2.0 * rate - 1.0) * FULL, seed=0)[1]["is_success"]
+            assert env.trace.contour_error.max() < 1e-6
+            assert env.trace.torque_demand_ratio_max < 1.0
+        assert highest_rate(env.simulation.cell) > 0.25
+        env.close()
+
+
 def test_reset_options_change_the_corners_for_one_episode(lee2006: BlendCell) -> None:
     env = BlendTrackingEnv(lee2006, physics="ideal")
     given = env.reset(seed=0)[1]["length_m"]
@@ -178,10 +222,21 @@ def test_reset_options_change_the_corners_for_one_episode(lee2006: BlendCell) ->
         env.reset(options={"remaining_distance_m": -1})
     with pytest.raises(PathError, match="segment"):
         env.reset(options={"remaining_distance_m": 0.5})
-    with pytest.raises(PathError, match="none of 200 paths drawn as 'zigzag'"):
+    assert env.reset(options={"curve": "quintic"})[1]["length_m"] != given
+    with pytest.raises(ConfigError, match="shape_factor: belongs to curve 'cubic', not to 'quintic'"):
+        env.reset(options={"curve": "quintic", "shape_factor": 2})
+    with pytest.raises(PathError, match="none of 1000 paths drawn as 'zigzag'"):
         env.reset(options={"remaining_distance_m": 0.5, "family": "zigzag"})
     with pytest.raises(UnknownNameError, match=r"unknown family of paths 'polylines' \(did you mean 'polyline'"):
         env.reset(options={"family": "polylines"})
+    for family in (None, 3):
+        with pytest.raises(UnknownNameError, match=f"unknown family of paths '{family}'"):
+            env.reset(options={"family": family})
+    env.reset()
+    with pytest.raises(InputError, match="options must map names to values, got 'x'"):
+        env.reset(options="x")  # type: ignore[arg-type]
+    with pytest.raises(ActionError, match="call reset"):  # not on in the episode before
+        env.step(FULL)
     env.close()
 
 
@@ -197,6 +252,10 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused(lee2006: BlendCell) -> 
     env.close()
     with pytest.raises(InputError, match="keeps no trace"):
         _ = env.trace
+    with pytest.raises(ActionError, match="environment is closed"):
+        env.step(FULL)
+    with pytest.raises(InputError, match="environment is closed"):
+        env.reset()
 
 
 def test_wrong_arguments_are_refused(lee1991: Cell, lee2006: BlendCell, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,8 +270,18 @@ def test_wrong_arguments_are_refused(lee1991: Cell, lee2006: BlendCell, monkeypa
             BlendTrackingEnv(lee2006, **options)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="max_episode_s must be positive"):
         BlendTrackingEnv(lee2006, max_episode_s=0.0)
-    with pytest.raises(InputError, match="model_error must be a share"):
-        BlendTrackingEnv(lee2006, model_error=-2.0)
+    for limit in ("3", math.nan, math.inf):
+        with pytest.raises(InputError, match="max_episode_s must be positive"):
+            BlendTrackingEnv(lee2006, max_episode_s=limit)  # type: ignore[arg-type]
+    for error in (-2.0, "a", True):
+        with pytest.raises(InputError, match="model_error must be a share"):
+            BlendTrackingEnv(lee2006, model_error=error)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"model_error is 0.1 and physics 'ideal'"):
+        BlendTrackingEnv(lee2006, model_error=0.1, physics="ideal")
+    with pytest.raises(InputError, match="a cell is a name or a file, got NoneType"):
+        BlendTrackingEnv(None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="'lee1991' is a coordination cell, and a blend cell is needed"):
+        BlendTrackingEnv(lee1991)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=r"this is a coordination cell, and a blend cell is needed here"):
         BlendTrackingEnv("lee1991")
     with pytest.raises(RenderError, match="unknown render_mode"):

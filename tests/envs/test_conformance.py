@@ -22,6 +22,7 @@ from armtempo.envs import (
     YieldingEnv,
     coordination_v0,
 )
+from armtempo.errors import ActionError, InputError
 from armtempo.planners import BlendCell, Cell, Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
@@ -163,3 +164,19 @@ def test_unknown_reset_options_are_ignored(lee1991: Cell) -> None:
     observations, _ = env.reset(options={"options": 1})
     assert list(observations) == env.agents == ["arm_0", "arm_1"]
     env.close()
+
+
+def test_closed_environments_say_so(lee1991: Cell) -> None:
+    action = np.zeros(1, dtype=np.float32)
+    several, one = CoordinationEnv(lee1991, physics="ideal"), YieldingEnv(lee1991, physics="ideal")
+    several.reset(seed=0)
+    one.reset(seed=0)
+    several.close()
+    one.close()
+    with pytest.raises(ActionError, match="environment is closed"):
+        several.step(dict.fromkeys(several.agents, action))
+    with pytest.raises(ActionError, match="environment is closed"):
+        one.step(action)
+    for env in (several, one):
+        with pytest.raises(InputError, match="environment is closed"):
+            env.reset()

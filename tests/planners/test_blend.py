@@ -191,6 +191,36 @@ def test_least_time_is_not_slower_than_any_family(phi: float, tolerance: float) 
     assert far.deviation < 0.05
 
 
+def line_and_arc(turn: float, radius: float, angle: float) -> tuple[Line, Arc]:
+    """A line of 1 m that meets an arc at a corner of ``turn`` [rad]; the arc bends back towards it."""
+    along, across = (np.array([math.cos(x), math.sin(x), 0.0]) for x in (turn, turn - math.pi / 2))
+    center = radius * across
+    end = center + radius * (math.sin(angle) * along - math.cos(angle) * across)
+    return Line(np.array([-1.0, 0.0, 0.0]), np.zeros(3)), Arc(np.zeros(3), end, center, np.cross(along, across))
+
+
+@pytest.mark.parametrize(
+    ("turn", "radius", "angle", "tolerance"),
+    [(0.8864, 1.0, 0.5, 0.01), (1.2, 0.2, 3.0, 0.02), (0.1, 0.3, 2.0, 0.005), (0.6, 1.0, 1.0, 0.0004)],
+)
+def test_least_time_beside_an_arc_keeps_tolerance_and_curvature(
+    turn: float, radius: float, angle: float, tolerance: float
+) -> None:
+    segments = line_and_arc(turn, radius, angle)
+    made = least_time_blend(*segments, tolerance, Limits())
+    assert made.deviation <= tolerance * (1.0 + 1e-9)
+    assert min(made.continuity) >= 2
+    pair = blend(*segments, (1.0, 0.02), tolerance=tolerance, curve="quintic")  # less is left on one side
+    assert pair.start_remaining == pair.end_remaining <= 0.02
+    assert pair.deviation <= tolerance * (1.0 + 1e-9)
+
+
+def test_a_list_of_shares_is_a_curve() -> None:
+    named = square(curve="quintic").coefficients
+    for shares in ([0.64, 0.28], np.array([0.64, 0.28])):
+        np.testing.assert_array_equal(square(curve=shares).coefficients, named)
+
+
 def test_a_blend_that_keeps_the_line_speed_costs_what_its_length_saves() -> None:
     made = blend(*corner(2.0), 0.5, curve="quintic")
     slow = Limits(speed=0.1)
@@ -220,7 +250,22 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     "factor of a quintic": (lambda: square(shape_factor=2.0, curve="quintic"), InputError, "belongs to the cubic"),
     "through the vertex": (lambda: blend(a, b, None, 4.0, tolerance=0.01), InputError, "passes through the vertex"),
     "unknown": (lambda: square(curve="quintik"), UnknownNameError, "did you mean 'quintic'"),
-    "shares": (lambda: square(curve=(1.2, 0.1)), InputError, "shares of the remaining distance"),
+    "shares": (lambda: square(curve=(1.2, 0.1)), InputError, "share of the remaining distance"),
+    "cubic share": (lambda: square(curve=(-0.34,)), InputError, r"share of the remaining distance in \[-1/3, 1\)"),
+    "cubic that stands": (lambda: square(curve=(1.0 - 1e-12,)), InputError, "stands still.*other shares"),
+    "quintic that stands": (lambda: square(curve=(0.999999, 0.1)), InputError, "stands still"),
+    "three distances": (lambda: square(remaining_distance=(0.1, 0.2, 0.3)), InputError, "one number or a pair"),
+    "word": (lambda: square(remaining_distance="x"), InputError, "remaining_distance must be numbers"),
+    "tolerance word": (lambda: blend(a, b, tolerance="x"), InputError, "tolerance must be numbers"),  # type: ignore[arg-type]
+    "two tolerances": (lambda: blend(a, b, tolerance=[0.1, 0.1]), InputError, "not one number"),  # type: ignore[arg-type]
+    "no curve": (lambda: square(curve=None), InputError, "curve None is not"),
+    "words": (lambda: square(curve=("a", "b")), InputError, "shares of a curve must be numbers"),
+    "limits word": (
+        lambda: blend(a, b, tolerance=0.01, curve="least-time", limits="x"),  # type: ignore[arg-type]
+        InputError,
+        "no limits.*LineSpeedLimits",
+    ),
+    "nowhere": (lambda: square().derivatives(math.nan), InputError, "not a number"),
     "least time of what": (lambda: square(curve="least-time"), InputError, "needs a tolerance"),
     "least time without limits": (lambda: blend(a, b, tolerance=0.01, curve="least-time"), InputError, "needs limits"),
     "reversal": (lambda: blend(a, Line(a.end, a.start), 0.1), PathError, "turns straight back"),

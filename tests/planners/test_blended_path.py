@@ -166,6 +166,32 @@ def test_segments_that_continue_each_other_are_joined_and_used_up_ones_dropped()
     assert BlendedPath([arc]).length == pytest.approx(0.5 * math.pi)
 
 
+def test_what_is_left_of_a_segment_is_a_segment() -> None:
+    """However little two blends leave, whatever the radius: as a piece, or not at all."""
+    radius, start, aside = 100.0, np.array([100.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.5])
+    arc = Arc(start, radius * np.array([math.cos(0.01), math.sin(0.01), 0.0]), np.zeros(3))
+    before, after = Line(start - aside, start), Line(arc.end, arc.end + aside)
+    for left in (0.0, 0.9e-9, 1.1e-9, 2.1e-9, 5e-8, 1e-5):
+        path = BlendedPath([before, arc, after], [[0.3, 0.5], [arc.length - 0.5 - left, 0.3]], curve="quintic")
+        assert len(path.pieces) == (5 if left > 2e-9 else 4)
+        assert sum(piece.length for piece in path.pieces) == pytest.approx(path.length, abs=1e-11)
+
+
+def test_a_smooth_joint_is_blended_where_a_distance_is_given_by_its_own_lengths() -> None:
+    line = Line(np.array([1.0, 0, 0]), np.zeros(3))
+    arc = Arc(np.zeros(3), np.array([-10.0, 10, 0]), np.array([0.0, 10, 0]))  # goes on along -x
+    assert BlendedPath([line, arc], tolerance=0.005, curve="quintic").continuity.tolist() == [1]
+    both = BlendedPath([line, arc], 0.05, tolerance=0.005, curve="quintic")
+    assert both.continuity.tolist() == [2, 2]
+    assert both.remaining.tolist() == [[0.05, 0.05]]
+    tight = BlendedPath([line, arc], 0.5, tolerance=1e-5, curve="quintic")
+    assert tight.deviation[0] == pytest.approx(1e-5, rel=1e-9)
+    assert tight.remaining[0, 0] < 0.5
+    tiny = Line(arc.end, arc.end + np.array([0.0, 2e-9, 0]))
+    path = BlendedPath([line, arc, tiny], [0.1, 0.0], curve="quintic")
+    assert path.remaining.tolist() == [[0.1, 0.1], [0.0, 0.0]]
+
+
 def test_orientation_turns_in_proportion_to_the_length() -> None:
     half = math.sqrt(0.5)
     path = scara(orientation=[[0, 0, 0, 1], [0, 0, -half, -half]])  # 90 degrees about z, the shorter way
@@ -205,6 +231,16 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
         PathError,
         "segments 0 and 1 are 0.173205 m apart at 1.73205 m",
     ),
+    "ragged": (lambda: BlendedPath.through([[0, 0, 0], [1, 0]], 0.1), InputError, "points must be numbers"),
+    "words": (lambda: BlendedPath.through("abc", 0.1), InputError, "points must be numbers"),
+    "one left empty": (lambda: BlendedPath.through(SQUARE, [None]), InputError, "finite"),  # type: ignore[arg-type]
+    "generator": (lambda: BlendedPath((x for x in scara().pieces), 0.1), InputError, "a generator"),  # type: ignore[arg-type]
+    "one segment": (lambda: BlendedPath(Line(np.zeros(3), np.ones(3))), InputError, "got a Line"),  # type: ignore[arg-type]
+    "nowhere": (lambda: scara().derivatives([0.0, math.nan]), InputError, "not a number"),
+    "no orientation": (lambda: scara().orientation(math.nan), InputError, "not a number"),
+    "ragged quaternions": (lambda: scara(orientation=[[0, 0, 0, 1], [0, 1]]), InputError, "must be numbers"),
+    "number": (lambda: scara(orientation=1.0), InputError, "unit quaternions"),
+    "zero quaternion": (lambda: scara(orientation=[0, 0, 0, 0]), InputError, "unit quaternions"),
     "quaternion": (lambda: scara(orientation=[0, 0, 1, 1]), InputError, "unit quaternions"),
 }
 

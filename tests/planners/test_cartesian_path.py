@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from armtempo.errors import PathError
+from armtempo.errors import InputError, PathError
 from armtempo.planners import Arc, CartesianPath, Line, Segment
 
 Floats = NDArray[np.float64]
@@ -76,11 +76,13 @@ def test_an_arc_through_three_points_passes_them_in_order(start: Floats, via: Fl
         arc = Arc.through(start, via, end)
     except PathError:
         u, v = via - start, end - start
-        assert np.linalg.norm(np.cross(u, v)) < 1e-3 * np.linalg.norm(u) * np.linalg.norm(v) + 1e-8
+        sides = [float(np.linalg.norm(side)) for side in (u, v, end - via)]
+        area = float(np.linalg.norm(np.cross(u, v)))
+        assert min(sides) < 1e-9 or area * max(sides) < 1.001e-6 * math.prod(sides)
         return
-    s = np.linspace(0.0, arc.length, 20001)
-    nearest = int(np.argmin(np.linalg.norm(arc.evaluate(s)[0] - via, axis=1)))
-    assert 0 < nearest < 20000
+    outward, tangent = (start - arc.center) / arc.radius, arc.evaluate(0.0)[1]
+    turned = math.atan2((via - arc.center) @ tangent, (via - arc.center) @ outward) % (2.0 * math.pi)
+    assert 0.0 < turned < arc.angle
     np.testing.assert_allclose(arc.evaluate([0.0, arc.length])[0], [start, end], atol=1e-6)
     assert abs(np.linalg.norm(via - arc.center) - arc.radius) < 1e-6 * max(arc.radius, 1.0)
 
@@ -149,6 +151,7 @@ def a(*coordinates: float) -> Floats:
     return np.array(coordinates)
 
 
+QUARTER = Arc(a(1, 0, 0), a(0, 1, 0), a(0, 0, 0))
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "zero line": (lambda: Line(a(1, 2, 3), a(1, 2, 3)), "no length"),
     "two coordinates": (lambda: Line(a(1, 2), a(1, 2, 3)), "three finite coordinates"),
@@ -164,6 +167,15 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "zero normal": (lambda: Arc(a(1, 0, 0), a(-1, 0, 0), a(0, 0, 0), a(0, 0, 0)), "not determined"),
     "tilted normal": (lambda: Arc(a(1, 0, 0), a(0, 1, 0), a(0, 0, 0), a(0, 1, 1)), "perpendicular"),
     "through a line": (lambda: Arc.through(a(0, 0, 0), a(1, 1, 0), a(3, 3, 0)), "lie on one line.*use a Line"),
+    "through nearly a line": (lambda: Arc.through(a(0, 0, 0), a(1, 4e-7, 0), a(2, 0, 0)), "or nearly.*use a Line"),
+    "small radii": (lambda: Arc(a(1e-4, 0, 0), a(0, 1.009e-4, 0), a(0, 0, 0)), "equal distances"),
+    "words": (lambda: Line("abc", a(0, 0, 0)), "must be numbers"),  # type: ignore[arg-type]
+    "ragged": (lambda: Line([[1], [2, 3]], a(0, 0, 0)), "must be numbers"),  # type: ignore[arg-type]
+    "piece of none": (lambda: QUARTER.part(0.3, 0.3), "0 <= low < high"),
+    "piece backwards": (lambda: QUARTER.part(1.0, 0.2), "0 <= low < high"),
+    "piece beyond": (lambda: QUARTER.part(0.0, 100.0), "is not in 0 .. 1.5708 m"),
+    "piece before": (lambda: Line(a(0, 0, 0), a(1, 0, 0)).part(-0.1, 0.5), "0 <= low < high"),
+    "piece nowhere": (lambda: Line(a(0, 0, 0), a(1, 0, 0)).part(math.nan, 0.5), "0 <= low < high"),
     "through twice": (lambda: Arc.through(a(0, 0, 0), a(1, 1, 0), a(0, 0, 0)), "are the same.*two arcs"),
     "empty": (lambda: CartesianPath([]), "at least one segment"),
     "gap": (
@@ -184,7 +196,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_no_path_is_refused_with_the_reason(case: str) -> None:
     make, message = REFUSED[case]
-    with pytest.raises(PathError, match=message) as refusal:
+    with pytest.raises((PathError, InputError), match=message) as refusal:
         make()
     assert "\n" not in str(refusal.value)
 

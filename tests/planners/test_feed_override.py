@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import BlendedPath, FeedOverride, LineSpeedLimits, LineSpeedProfile, limit_aware_profile
+from armtempo.planners import (
+    BlendedPath,
+    CartesianPath,
+    FeedOverride,
+    Line,
+    LineSpeedLimits,
+    LineSpeedProfile,
+    limit_aware_profile,
+)
 
 LIMITS = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0)
 POINTS = np.array([[0.7, 0.0, 0.05], [0.3, 0.0, 0.05], [0.3, 0.65, 0.0], [-0.2, 0.5, 0.1]])
@@ -110,3 +118,32 @@ def test_nonsense_is_refused(path: BlendedPath) -> None:
         FeedOverride(profile).request(float("nan"))
     with pytest.raises(InfeasibleError, match="times its limits"):  # it does not slow in the blends
         FeedOverride(profile, path=path)
+    with pytest.raises(InputError, match="override"):
+        FeedOverride(profile).request("x")  # type: ignore[arg-type]
+    for dt in (float("nan"), float("inf"), -0.1, "x"):
+        with pytest.raises(InputError, match="a step is"):
+            FeedOverride(profile).step(dt)  # type: ignore[arg-type]
+    for other, message in ((BlendedPath.through(2.0 * POINTS, 0.15), "m long but its profile"), ("x", "is a str")):
+        with pytest.raises(InputError, match=message):
+            FeedOverride(profile, path=other)  # type: ignore[arg-type]
+
+
+def test_it_keeps_the_path_of_its_profile(path: BlendedPath, aware: LineSpeedProfile) -> None:
+    feed, given = FeedOverride(aware), FeedOverride(aware, path=path)
+    for each in (feed, given):
+        each.step(0.3)
+        assert each.request(0.5)
+    assert feed.step(0.05) == given.step(0.05)
+    line = Line(POINTS[0], POINTS[1])
+    for single in (line, CartesianPath([line])):
+        assert FeedOverride(limit_aware_profile(single, LIMITS), LIMITS).request(1.0)
+
+
+def test_it_stands_however_long(path: BlendedPath) -> None:
+    feed = FeedOverride(LineSpeedProfile.plan(path.length, LIMITS))
+    feed.step(0.3)
+    assert feed.request(0.0)
+    feed.step(10.0)
+    stood = feed.step(0.0)
+    for _ in range(3):
+        assert feed.step(1e308) == stood

@@ -12,6 +12,7 @@ from armtempo.errors import InputError
 from armtempo.planners import (
     Blend,
     BlendedPath,
+    CartesianPath,
     ExactMapping,
     LengthMapping,
     Line,
@@ -159,3 +160,30 @@ def test_lengths_that_fall_are_refused(papers_blend: Blend) -> None:
     for wrong in ([0.1, 0.0], [[0.0, 0.1]], [0.0, math.nan]):
         with pytest.raises(InputError, match="never falls"):
             ExactMapping(papers_blend).positions(wrong)
+
+
+def test_nonsense_is_refused(papers_blend: Blend) -> None:
+    for u in (math.nan, -0.5, 2.0, "x"):
+        with pytest.raises(InputError, match="u must be"):
+            arc_length(papers_blend, u)
+    for iterations in (-1, 2.5, math.nan, "x"):
+        with pytest.raises(InputError, match="iterations is"):
+            PredictorCorrector(papers_blend, iterations=iterations)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="steps is"):
+            rk4_length(papers_blend, iterations)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="must be numbers"):
+        ExactMapping(papers_blend).positions("x")
+    for path in ("x", CartesianPath([Line(np.zeros(3), np.ones(3))])):
+        with pytest.raises(InputError, match="BlendedPath or a Blend"):
+            ExactMapping(path)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("compensate", [True, False])
+def test_a_run_by_little_gives_the_bits_of_the_whole(hundred_corners: BlendedPath, compensate: bool) -> None:
+    mapping = PredictorCorrector(hundred_corners, compensate=compensate)
+    lengths = np.linspace(0.0, hundred_corners.length, 2001)
+    run = mapping.start()
+    parts = [run.advance(part) for part in np.split(lengths, [1, 2, 30, 31, 700])]
+    np.testing.assert_array_equal(np.concatenate(parts), mapping.positions(lengths))
+    with pytest.raises(InputError, match="from one call to the next"):
+        run.advance(lengths[:3])

@@ -57,7 +57,8 @@ def test_any_profile_keeps_its_limits_and_inverts(length: float, speed: float, a
     certificate = profile.certificate
     assert certificate.ratio_max <= 1.0 + 1e-9
     assert certificate.lowest_speed >= -1e-9 * limits.speed
-    assert certificate.gap <= 1e-8
+    rounding = 4.0 * np.finfo(float).eps * profile.duration * limits.jerk / limits.acceleration  # of instants, late
+    assert certificate.gap <= 1e-8 + rounding
     assert certificate.end_error <= 1e-8 * profile.length
     s = np.linspace(0.0, 1.0, 40) * profile.length
     assert np.abs(profile.at(profile.time_at(s))[0] - s).max() <= 1e-8 * profile.length

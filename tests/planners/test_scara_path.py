@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from armtempo.configs import data_path
-from armtempo.errors import PathError
-from armtempo.planners import Arc, BlendCell, BlendedPath, CartesianPath, Line, ScaraPath
+from armtempo.configs import LimitsConfig, data_path
+from armtempo.errors import InfeasibleError, PathError, UnknownNameError
+from armtempo.planners import Arc, BlendCell, BlendedPath, CartesianPath, Line, ScaraPath, build_cell
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -39,6 +39,19 @@ def scara(**options: object) -> Arm:
 def straight(*points: tuple[float, float, float]) -> CartesianPath:
     a, b = (np.array(point) for point in points)
     return CartesianPath([Line(a, b)])
+
+
+def test_drives_must_hold_the_arm_at_rest(lee2006: BlendCell) -> None:
+    weak = lee2006.config.arm.model_copy(update={"limits": LimitsConfig(torque_nm=(None, None, 10.0, None))})
+    words = r"arm.path: arm 'scara' cannot hold still at station .* m: joint '\w+' needs .* N, its limit is 10 N"
+    with pytest.raises(InfeasibleError, match=words) as caught:
+        build_cell(lee2006.config.model_copy(update={"arm": weak}))
+    assert caught.value.data["joint"] == 2
+
+
+def test_an_elbow_is_positive_or_negative(lee2006: BlendCell) -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown elbow 'Positive' \(did you mean 'positive'"):
+        ScaraPath(lee2006.arm, lee2006.blended, "Positive")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
