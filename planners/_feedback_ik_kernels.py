@@ -24,6 +24,7 @@ __all__ = [
     "Law",
     "Targets",
     "error_bounds",
+    "law_at",
     "track",
     "track_many",
 ]
@@ -484,6 +485,14 @@ def _posture(law: Law, q: Floats, rate: Floats) -> None:
     for k in range(q.shape[0]):
         rate[k] = law.posture_gain * (law.posture[k] - q[k])
         rate[k] = min(max(rate[k], -0.5 * law.speed_max[k]), 0.5 * law.speed_max[k])
+
+
+@njit
+def law_at(model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, qd: Floats) -> int:
+    """The law once: joint speeds at q for row ``at`` of the targets, into qd (n,); flags."""
+    w, rate = _scratch(q.shape[0], law.task.shape[0]), np.zeros(q.shape[0])
+    _posture(law, q, rate)
+    return int(_law(model, law, q, targets, at, w, rate, qd))
 
 
 @njit
