@@ -100,8 +100,10 @@ class IKRun:
         """Fraction of the steps that were damped, capped in twist or joint speed, at a joint limit, in escape.
 
         ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
+        The classical solvers cap nothing: there ``speed`` and ``limit`` say that it went beyond, and ``unreached``
+        that a sample was not reached.
         """
-        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray")
+        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray", "unreached")
         return {name: float(np.mean(self.flags & (1 << bit) != 0)) for bit, name in enumerate(names)}
 
 

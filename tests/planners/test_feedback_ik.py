@@ -425,9 +425,9 @@ def test_the_law_on_line_is_the_eulers_run() -> None:
 def test_the_loops_own_jacobian_and_pose_are_the_arms() -> None:
     for name in ARMS:
         arm = loaded(name)
-        scratch = loops._scratch(arm.dof, 6)
+        scratch = loops.scratch(arm.dof, 6)
         for q in (postures(arm, np.random.default_rng(seed))[0] for seed in range(5)):
-            loops._tip_and_jacobian(arm.model, q, scratch)
+            loops.tip_and_jacobian(arm.model, q, scratch)
             T = arm.tip_pose(q)
             np.testing.assert_allclose(scratch.J, arm.jacobian(q), atol=1e-14)
             np.testing.assert_allclose(scratch.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
