@@ -209,8 +209,9 @@ def _moved(law: loops.Law, w: loops.Scratch, x: Array, q: Array) -> float:
     m, n = w.A.shape
     loops.scaled(law, w)
     size = 0.0
+    loops.asked(law.task, law.length, x, w.y)
     for i in range(m):
-        w.y[i], w.z[i] = loops.asked_row(law, x, i), 0.0
+        w.z[i] = 0.0
         size += w.y[i] * w.y[i]
     for k in range(n):
         w.free[k] = True

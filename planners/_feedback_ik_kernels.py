@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.robots import ArmModel, kernels, njit
+from armtempo.robots import ArmModel, inlined, njit
 
 __all__ = [
     "DAMPED",
@@ -25,7 +25,7 @@ __all__ = [
     "Law",
     "Scratch",
     "Targets",
-    "asked_row",
+    "asked",
     "inverse",
     "law_at",
     "scaled",
@@ -86,7 +86,6 @@ class Targets(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    R: Floats
     p: Floats
     J: Floats
     A: Floats
@@ -112,7 +111,6 @@ class Scratch(NamedTuple):
 @njit
 def scratch(n: int, m: int) -> Scratch:
     return Scratch(
-        np.empty((n, 3, 3)),
         np.empty((n, 3)),
         np.empty((6, n)),
         np.empty((m, n)),
@@ -133,31 +131,69 @@ def scratch(n: int, m: int) -> Scratch:
 
 @njit
 def tip_and_jacobian(model: ArmModel, q: Floats, w: Scratch) -> None:
-    n = q.shape[0]
-    kernels.link_frames(model, q, w.R, w.p)
-    last, tip = w.R[n - 1], w.tip
-    for r in range(3):
-        tip[0, r] = w.p[n - 1, r]
-        for c in range(3):
-            tip[0, r] += last[r, c] * model.tip_p[c]
-            tip[1 + c, r] = (
-                last[r, 0] * model.tip_R[0, c] + last[r, 1] * model.tip_R[1, c] + last[r, 2] * model.tip_R[2, c]
-            )
+    """Into w.tip and w.J. In one piece, in scalars: calls that pass a model cost more than its sums."""
+    n, tip, J, points = q.shape[0], w.tip, w.J, w.p
+    B = model.base_R
+    a, b, c = B[0, 0], B[0, 1], B[0, 2]
+    d, e, f = B[1, 0], B[1, 1], B[1, 2]
+    g, h, k = B[2, 0], B[2, 1], B[2, 2]
+    px, py, pz = model.base_p[0], model.base_p[1], model.base_p[2]
     for i in range(n):
-        B, a = w.R[i], model.axis[i]
-        z0 = B[0, 0] * a[0] + B[0, 1] * a[1] + B[0, 2] * a[2]
-        z1 = B[1, 0] * a[0] + B[1, 1] * a[1] + B[1, 2] * a[2]
-        z2 = B[2, 0] * a[0] + B[2, 1] * a[1] + B[2, 2] * a[2]
+        x, y, z = model.placement_p[i, 0], model.placement_p[i, 1], model.placement_p[i, 2]
+        px, py, pz = px + a * x + b * y + c * z, py + d * x + e * y + f * z, pz + g * x + h * y + k * z
+        P = model.placement_R[i]
+        x, y, z = P[0, 0], P[1, 0], P[2, 0]
+        a0, d0, g0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = P[0, 1], P[1, 1], P[2, 1]
+        b0, e0, h0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = P[0, 2], P[1, 2], P[2, 2]
+        c0, f0, k0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = model.axis[i, 0], model.axis[i, 1], model.axis[i, 2]
+        u, v, t = a0 * x + b0 * y + c0 * z, d0 * x + e0 * y + f0 * z, g0 * x + h0 * y + k0 * z
         if model.prismatic[i]:
-            w.J[0, i], w.J[1, i], w.J[2, i] = z0, z1, z2
-            w.J[3, i], w.J[4, i], w.J[5, i] = 0.0, 0.0, 0.0
+            a, b, c, d, e, f, g, h, k = a0, b0, c0, d0, e0, f0, g0, h0, k0
+            px, py, pz = px + q[i] * u, py + q[i] * v, pz + q[i] * t
+            J[0, i], J[1, i], J[2, i] = u, v, t
+            J[3, i], J[4, i], J[5, i] = 0.0, 0.0, 0.0
         else:
-            x, y, z = tip[0, 0] - w.p[i, 0], tip[0, 1] - w.p[i, 1], tip[0, 2] - w.p[i, 2]
-            w.J[0, i], w.J[1, i], w.J[2, i] = z1 * z - z2 * y, z2 * x - z0 * z, z0 * y - z1 * x
-            w.J[3, i], w.J[4, i], w.J[5, i] = z0, z1, z2
+            # Each row r of the turned frame: cos r + (1 - cos) (r . axis) axis + sin (r x axis).
+            s, co = math.sin(q[i]), math.cos(q[i])
+            m = (1.0 - co) * u
+            a, b, c = (
+                co * a0 + m * x + s * (b0 * z - c0 * y),
+                co * b0 + m * y + s * (c0 * x - a0 * z),
+                co * c0 + m * z + s * (a0 * y - b0 * x),
+            )
+            m = (1.0 - co) * v
+            d, e, f = (
+                co * d0 + m * x + s * (e0 * z - f0 * y),
+                co * e0 + m * y + s * (f0 * x - d0 * z),
+                co * f0 + m * z + s * (d0 * y - e0 * x),
+            )
+            m = (1.0 - co) * t
+            g, h, k = (
+                co * g0 + m * x + s * (h0 * z - k0 * y),
+                co * h0 + m * y + s * (k0 * x - g0 * z),
+                co * k0 + m * z + s * (g0 * y - h0 * x),
+            )
+            points[i, 0], points[i, 1], points[i, 2] = px, py, pz
+            J[3, i], J[4, i], J[5, i] = u, v, t
+    x, y, z = model.tip_p[0], model.tip_p[1], model.tip_p[2]
+    px, py, pz = px + a * x + b * y + c * z, py + d * x + e * y + f * z, pz + g * x + h * y + k * z
+    tip[0, 0], tip[0, 1], tip[0, 2] = px, py, pz
+    for r in range(3):
+        x, y, z = model.tip_R[0, r], model.tip_R[1, r], model.tip_R[2, r]
+        tip[1 + r, 0] = a * x + b * y + c * z
+        tip[1 + r, 1] = d * x + e * y + f * z
+        tip[1 + r, 2] = g * x + h * y + k * z
+    for i in range(n):
+        if not model.prismatic[i]:
+            x, y, z = px - points[i, 0], py - points[i, 1], pz - points[i, 2]
+            u, v, t = J[3, i], J[4, i], J[5, i]
+            J[0, i], J[1, i], J[2, i] = v * z - t * y, t * x - u * z, u * y - v * x
 
 
-@njit
+@inlined
 def feedback_turning(law: Law, w: Scratch, Rd: Floats) -> int:
     """The feedback's angular velocity into w.x[3:], the errors of orientation into w.error; flags."""
     flags = 0
@@ -212,17 +248,19 @@ def feedback_turning(law: Law, w: Scratch, Rd: Floats) -> int:
     return flags
 
 
-@njit
-def asked_row(law: Law, x: Floats, i: int) -> float:
-    """Row i of the scaled task's part of a twist; six rows are all of it, whatever their axes."""
-    if law.task.shape[0] == 6:
-        return float(x[i] / law.length if i < 3 else x[i])
-    row = law.task[i]
-    linear = row[0] * x[0] + row[1] * x[1] + row[2] * x[2]
-    return float(linear / law.length + row[3] * x[3] + row[4] * x[4] + row[5] * x[5])
+@inlined
+def asked(task: Floats, length: float, x: Floats, out: Floats) -> None:
+    """The scaled task's part of a twist, into out (m,); six rows are all of it, whatever their axes."""
+    m = task.shape[0]
+    for i in range(m):
+        if m == 6:
+            out[i] = x[i] / length if i < 3 else x[i]
+        else:
+            out[i] = (task[i, 0] * x[0] + task[i, 1] * x[1] + task[i, 2] * x[2]) / length
+            out[i] += task[i, 3] * x[3] + task[i, 4] * x[4] + task[i, 5] * x[5]
 
 
-@njit
+@inlined
 def _cap(x: Floats, first: int, most: float) -> bool:
     size = math.sqrt(x[first] ** 2 + x[first + 1] ** 2 + x[first + 2] ** 2)
     if size <= most:
@@ -232,7 +270,7 @@ def _cap(x: Floats, first: int, most: float) -> bool:
     return True
 
 
-@njit
+@inlined
 def _cholesky(G: Floats, shift: float, C: Floats) -> bool:
     """C C^T = G - shift I; False where that is not positive definite."""
     m = G.shape[0]
@@ -269,7 +307,7 @@ def _jacobi(G: Floats, V: Floats) -> None:
             return
         for i in range(m):
             for j in range(i + 1, m):
-                if G[i, j] == 0.0:
+                if G[i, j] * G[i, j] <= 1e-32 * abs(G[i, i] * G[j, j]):
                     continue
                 theta = 0.5 * (G[j, j] - G[i, i]) / G[i, j]
                 t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
@@ -287,7 +325,7 @@ def _jacobi(G: Floats, V: Floats) -> None:
                     V[k, i], V[k, j] = c * left - s * right, s * left + c * right
 
 
-@njit
+@inlined
 def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
     """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
@@ -319,16 +357,16 @@ def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
     V = w.V
     _jacobi(G, V)
     for k in range(m):
-        asked = undone = 0.0
+        wanted = undone = 0.0
         for i in range(m):
-            asked += V[i, k] * y[i]
+            wanted += V[i, k] * y[i]
             undone += V[i, k] * w.z[i]
         square = max(G[k, k], 0.0)
         if square > damping * damping:
-            asked /= square
+            wanted /= square
         else:
-            asked = min(max(asked, -most), most)
-            asked *= 2.0 / (max(damping * damping, 2.0 * step * abs(asked)) + square)
+            wanted = min(max(wanted, -most), most)
+            wanted *= 2.0 / (max(damping * damping, 2.0 * step * abs(wanted)) + square)
             size = 0.0
             for j in range(n):
                 if w.free[j]:
@@ -340,9 +378,9 @@ def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
             if size < FLOOR * damping:  # as good as singular: ``_leave`` decides
                 for i in range(m):
                     w.lost[i] = V[i, k]
-                w.lost[m] = asked * FLOOR * damping
-                asked = 0.0
-        C[0, k] = asked - undone / (square + 1e-12)
+                w.lost[m] = wanted * FLOOR * damping
+                wanted = 0.0
+        C[0, k] = wanted - undone / (square + 1e-12)
     for i in range(m):
         y[i] = 0.0
         for k in range(m):
@@ -350,7 +388,7 @@ def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
     return True
 
 
-@njit
+@inlined
 def scaled(law: Law, w: Scratch) -> None:
     """The task's rows of the Jacobian w.J, scaled, into w.A."""
     m, n = w.A.shape
@@ -419,8 +457,9 @@ def _law(
     w.error[0] = math.sqrt(square)
     # A step must not jump across a singular posture: the faster the feedback would have the tip, the more is damped.
     pull = 0.0
+    asked(law.task, law.length, x, w.y)
     for i in range(m):
-        pull += asked_row(law, x, i) ** 2
+        pull += w.y[i] * w.y[i]
     for r in range(6):
         w.feedback[r] = x[r]
     if law.feed_forward:
@@ -452,8 +491,9 @@ def _law(
         w.free[k] = True
         qd[k] = posture_rate[k]
     for _ in range(n + 1):
+        asked(law.task, law.length, x, w.y)
         for i in range(m):  # what the joints that are held leave to the others
-            w.y[i], w.z[i] = asked_row(law, x, i), 0.0
+            w.z[i] = 0.0
             for k in range(n):
                 if w.free[k]:
                     w.z[i] += A[i, k] * qd[k]
@@ -497,7 +537,7 @@ def _law(
     return flags
 
 
-@njit
+@inlined
 def _posture(law: Law, q: Floats, rate: Floats) -> None:
     for k in range(q.shape[0]):
         rate[k] = law.posture_gain * (law.posture[k] - q[k])
