@@ -10,7 +10,7 @@ paper's trick would have it, is exact at none only). J^# is damped near singular
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, final
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.errors import InputError
 from armtempo.planners import _feedback_ik_kernels as loops
 from armtempo.planners._pose_target import PoseTarget
+from armtempo.planners._spherical_wrist_ik import SphericalWristIK
 from armtempo.robots import Arm
 
 __all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName"]
@@ -145,6 +146,10 @@ class FeedbackIK:
         task: ``pose``, ``position`` (orientation is left alone), or ``auto``: of the pose, what the arm can control
             (SCARA: position and turning about its axis; fewer joints than that: position); or (m, 6) orthonormal rows
             that pick linear (first three) or angular components in world axes.
+        point: ``wrist``: K_p pulls the wrist's centre, P_w = P - r a (the paper's eq. 4.2), of an arm that
+            ``SphericalWristIK`` knows; targets stay the tip's. Turning the tool then leaves the first three joints
+            alone. Position errors and bounds are the centre's: the tip is off by 2 |r| sin(angle / 2) more at most,
+            with the angle of the whole rotation. The same thing where the tip is the centre.
         damping: Singular value of the scaled Jacobian below which it is damped; > 0.
         linear_speed_max: [m/s].
         angular_speed_max: [rad/s].
@@ -154,6 +159,7 @@ class FeedbackIK:
 
     Raises:
         InputError: A number that cannot be used; the message names it.
+        RobotError: ``wrist``, and the arm has no spherical one.
     """
 
     def __init__(
@@ -164,6 +170,7 @@ class FeedbackIK:
         error: Literal["axes", "quaternion"] = "axes",
         feed_forward: bool = True,
         task: TaskName | ArrayLike = "auto",
+        point: Literal["tip", "wrist"] = "tip",
         damping: float = 0.02,
         linear_speed_max: float = np.inf,
         angular_speed_max: float = np.inf,
@@ -189,7 +196,11 @@ class FeedbackIK:
         finite = np.isfinite(arm.position_min + arm.position_max)
         middle = np.where(finite, 0.5 * (arm.position_min + np.where(finite, arm.position_max, 0.0)), 0.0)
         rest = self._joints(middle if posture is None else posture, "posture")
-        model = arm.model
+        if point not in ("tip", "wrist"):
+            raise InputError(f"point {point!r}", remedy="use 'tip' or 'wrist'")
+        self._offset = SphericalWristIK(arm).wrist_in_tip if point == "wrist" else np.zeros(3)
+        model = arm.model._replace(tip_p=arm.model.tip_p + arm.model.tip_R @ self._offset)
+        self._model = model
         steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
         extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
         steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
@@ -266,6 +277,7 @@ class FeedbackIK:
             raise InputError("some targets have rates, some have none", remedy="give rates for all or none")
         if differentiated:
             law = law._replace(feed_forward=False)
+        targets = [self._of_point(t) for t in targets]
         samples = loops.Targets(
             np.stack([t.position for t in targets]),
             np.stack([t.rotation for t in targets]),
@@ -278,7 +290,7 @@ class FeedbackIK:
         q, qd, flags = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.zeros(lead, dtype=np.int64)
         errors, bounds = np.empty((*lead, 3)), np.empty((*lead, 4))
         q[:, 0] = first
-        loops.track_many(arm.model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
+        loops.track_many(self._model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
         for array in (q, qd, errors, bounds, flags):
             array.setflags(write=False)
         return tuple(
@@ -295,6 +307,15 @@ class FeedbackIK:
             for b, target in enumerate(targets)
         )
 
+    def _of_point(self, target: PoseTarget) -> PoseTarget:
+        """The target of the point that is tracked."""
+        if not self._offset.any():
+            return target
+        arm = target.rotation @ self._offset
+        velocity = target.velocity + np.cross(target.angular_velocity, arm)
+        change = 2.0 / target.step * np.linalg.norm(np.diff(velocity, axis=0), axis=1).max()
+        return replace(target, position=target.position + arm, velocity=velocity, acceleration=float(change))
+
     def joint_speeds(self, q: ArrayLike, target: PoseTarget, index: int) -> tuple[Array, int]:
         """The law once, at the posture q (n,): joint speeds (n,) for row ``index`` of the target, and its flags.
 
@@ -310,11 +331,12 @@ class FeedbackIK:
                 f"q = {q}, row {index} of a target of {len(target.position)}", remedy="give finite q, an existing row"
             )
         law = self._law._replace(feed_forward=False) if target.differentiated else self._law
-        samples = loops.Targets(
-            target.position, target.rotation, target.velocity, target.angular_velocity, 2, target.step
-        )
+        row = slice(index, index + 1)
+        p, R, v, w = (a[row] for a in (target.position, target.rotation, target.velocity, target.angular_velocity))
+        if self._offset.any():
+            p, v = p + R @ self._offset, v + np.cross(w, R @ self._offset)
         qd = np.empty(self.arm.dof)
-        flags = loops.law_at(self.arm.model, law, q, samples, index, qd)
+        flags = loops.law_at(self._model, law, q, loops.Targets(p, R, v, w, 2, target.step), 0, qd)
         return qd, int(flags)
 
 

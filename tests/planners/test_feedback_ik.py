@@ -14,10 +14,10 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from armtempo.configs import data_path
-from armtempo.errors import InputError
+from armtempo.errors import InputError, RobotError
 from armtempo.planners import FeedbackIK, IKGains, IKRun, Integrator, PoseTarget, SphericalWristIK
 from armtempo.planners import _feedback_ik_kernels as loops
-from armtempo.robots import Arm
+from armtempo.robots import Arm, Tool
 
 Floats = NDArray[np.float64]
 DATA = Path(pybullet_data.getDataPath())
@@ -421,6 +421,36 @@ def test_joint_limits_stop_a_joint_and_the_others_go_on(puma: Arm) -> None:
     assert run.q[-1, 0] == 0.5
     least = nearest(arm, far[:3, 3], run.q[-1], np.stack([arm.position_min, arm.position_max], axis=1))
     assert run.position_error[-1] < 1.01 * least
+
+
+def test_the_wrist_is_tracked_for_the_tip(puma: Arm) -> None:
+    """A tool of 0.2 m along a; with the tip in the wrist's centre it is the same law."""
+    T = np.eye(4)
+    T[:3, 3] = 0.02, 0.0, 0.2
+    tooled = Arm.from_urdf(puma.urdf, position_limits=[[-6.0, 6.0]] * 6, tool=Tool(T_link_tool=T))
+    motion = joint_motion(tooled, Q, Q + np.array([0.4, -0.3, 0.5, 0.4, -0.3, 0.5]), 1.0)
+    target = PoseTarget.sample(motion, 1.2, 0.004)
+    ik = FeedbackIK(tooled, point="wrist")
+    run = ik.track(target, Q + 0.05)
+    check(run, tooled)
+    miss = np.linalg.norm(tooled.tip_pose(run.q)[:, :3, 3] - target.position[::2], axis=1)
+    most = run.position_error + 2 * np.linalg.norm(T[:3, 3]) * np.sin(0.5 * run.orientation_error)
+    assert (miss <= most + 1e-12).all()
+    assert miss[0] > 0.01
+    assert miss[-1] < 1e-8
+    assert np.array_equal(ik.joint_speeds(run.q[7], target, 14)[0], run.qd[7])
+    # Turning the tool about its tip's wrist moves the wrist's joints alone.
+    turned = tooled.tip_pose(Q + np.array([0.0, 0.0, 0.0, 0.2, 0.2, 0.2]))
+    spun = ik.track(PoseTarget.sample(held_pose(turned), 1.0, 0.002), Q)
+    assert np.abs(spun.q[:, :3] - Q[:3]).max() < 1e-9
+    assert spun.orientation_error[-1] < 1e-6
+    plain = PoseTarget.sample(joint_motion(puma, Q, Q + 0.3, 0.5), 0.5, 0.01)
+    same = FeedbackIK(puma, point="wrist").track(plain, Q + 0.05)
+    np.testing.assert_allclose(same.q, FeedbackIK(puma).track(plain, Q + 0.05).q, atol=1e-12)
+    with pytest.raises(RobotError, match="closed form"):
+        FeedbackIK(loaded("panda"), point="wrist")
+    with pytest.raises(InputError, match="point"):
+        FeedbackIK(puma, point="elbow")  # type: ignore[arg-type]
 
 
 def test_samples_alone_and_samples_with_rates(puma: Arm) -> None:
