@@ -83,20 +83,27 @@ def test_targets_held_out_of_reach() -> None:
 
 
 def test_time_for_an_arm_and_step() -> None:
+    """Processor time, so that others on the machine count little; a damped step costs an eigendecomposition a stage."""
     table = Table("arm", *(f"{name} [us]" for name in INTEGRATORS), title="batch of 16, per arm and step, with bounds")
-    for name in ("puma", "panda"):
-        arm = tests.loaded(name)
-        first, last = tests.postures(arm, np.random.default_rng(1))
-        target = PoseTarget.sample(tests.joint_motion(arm, first, first + 0.2 * (last - first), 2.0), 2.0, 0.002)
-        ik, starts, spent = FeedbackIK(arm), np.tile(first, (16, 1)), []
+    nominal = {
+        "puma": [0.2, 0.5, -0.6, 0.3, 0.9, 0.1],
+        "panda": [0.1, -0.5, 0.3, -2.0, 0.2, 1.6, 0.4],
+        "panda, damped": [0.1, -0.5, 0.3, -2.0, 0.2, 1.6, 0.4],
+    }
+    for name, posture in nominal.items():
+        arm, first, spent = tests.loaded(name.split(",")[0]), np.array(posture), []
+        ik = FeedbackIK(arm, damping=0.5 if "damped" in name else 0.02)
+        target = PoseTarget.sample(tests.joint_motion(arm, first, first + 0.2, 2.0), 2.0, 0.002)
+        starts = np.tile(first, (16, 1))
         for integrator in INTEGRATORS:
-            ik.track_many([target] * 16, starts, integrator=integrator)
+            run = ik.track_many([target] * 16, starts, integrator=integrator)[0]
+            assert (run.share["damped"] > 0.9) == ("damped" in name)
             tries = []
             for _ in range(5):
-                begin = time.perf_counter()
+                begin = time.process_time()
                 ik.track_many([target] * 16, starts, integrator=integrator)
-                tries.append(time.perf_counter() - begin)
+                tries.append(time.process_time() - begin)
             spent.append(1e6 * min(tries) / (16 * (len(target.time) - 1)))
         table.add_row(name, *(f"{x:.2f}" for x in spent))
-        assert max(spent) < 20.0
+        assert "damped" in name or max(spent) < 20.0
     Console(width=100).print(table)
