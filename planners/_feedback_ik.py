@@ -100,8 +100,10 @@ class IKRun:
         """Fraction of the steps that were damped, capped in twist or joint speed, at a joint limit, in escape.
 
         ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
+        The classical solvers cap nothing: there ``speed`` and ``limit`` say that it went beyond, and ``unreached``
+        that a sample was not reached.
         """
-        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray")
+        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray", "unreached")
         return {name: float(np.mean(self.flags & (1 << bit) != 0)) for bit, name in enumerate(names)}
 
 
@@ -295,6 +297,28 @@ class FeedbackIK:
             )
             for b, target in enumerate(targets)
         )
+
+    def joint_speeds(self, q: ArrayLike, target: PoseTarget, index: int) -> tuple[Array, int]:
+        """The law once, at the posture q (n,): joint speeds (n,) for row ``index`` of the target, and its flags.
+
+        For use on line: a loop that moves at these speeds for one step of the target is ``track`` with ``euler``, on
+        every second row.
+
+        Raises:
+            InputError: q has the wrong shape, or is not finite; there is no such row.
+        """
+        q = self._joints(q, "q")
+        if not np.isfinite(q).all() or not 0 <= index < len(target.position):
+            raise InputError(
+                f"q = {q}, row {index} of a target of {len(target.position)}", remedy="give finite q, an existing row"
+            )
+        law = self._law._replace(feed_forward=False) if target.differentiated else self._law
+        samples = loops.Targets(
+            target.position, target.rotation, target.velocity, target.angular_velocity, 2, target.step
+        )
+        qd = np.empty(self.arm.dof)
+        flags = loops.law_at(self.arm.model, law, q, samples, index, qd)
+        return qd, int(flags)
 
     def _bounds(
         self,

@@ -21,18 +21,27 @@ __all__ = [
     "SPEED",
     "STRAY",
     "TWIST",
+    "UNREACHED",
     "Law",
+    "Scratch",
     "Targets",
+    "asked_row",
     "error_bounds",
+    "inverse",
+    "law_at",
+    "scaled",
+    "scratch",
+    "tip_and_jacobian",
     "track",
     "track_many",
+    "feedback_turning",
 ]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 # What a step did beyond the plain law, as bits.
-DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY = 1, 2, 4, 8, 16, 32, 64
+DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY, UNREACHED = 1, 2, 4, 8, 16, 32, 64, 128
 EULER, HEUN, RK4 = 0, 1, 2
 FLOOR = 2e-3  # singular values, as a share of the damping, that a singular posture is left with
 FLEE = 0.02  # sine of the error that the law is told at least, where it would see none at 180 degrees
@@ -74,7 +83,7 @@ class Targets(NamedTuple):
     step: float
 
 
-class _Scratch(NamedTuple):
+class Scratch(NamedTuple):
     R: Floats
     p: Floats
     J: Floats
@@ -95,8 +104,8 @@ class _Scratch(NamedTuple):
 
 
 @njit
-def _scratch(n: int, m: int) -> _Scratch:
-    return _Scratch(
+def scratch(n: int, m: int) -> Scratch:
+    return Scratch(
         np.empty((n, 3, 3)),
         np.empty((n, 3)),
         np.empty((6, n)),
@@ -115,7 +124,7 @@ def _scratch(n: int, m: int) -> _Scratch:
 
 
 @njit
-def _tip_and_jacobian(model: ArmModel, q: Floats, w: _Scratch) -> None:
+def tip_and_jacobian(model: ArmModel, q: Floats, w: Scratch) -> None:
     n = q.shape[0]
     kernels.link_frames(model, q, w.R, w.p)
     last, tip = w.R[n - 1], w.tip
@@ -141,7 +150,7 @@ def _tip_and_jacobian(model: ArmModel, q: Floats, w: _Scratch) -> None:
 
 
 @njit
-def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
+def feedback_turning(law: Law, w: Scratch, Rd: Floats) -> int:
     """The feedback's angular velocity into w.x[3:], the errors of orientation into w.error; flags."""
     flags = 0
     n, s, a = w.tip[1], w.tip[2], w.tip[3]
@@ -197,7 +206,7 @@ def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
 
 
 @njit
-def _asked(law: Law, x: Floats, i: int) -> float:
+def asked_row(law: Law, x: Floats, i: int) -> float:
     """Row i of the scaled task's part of a twist; six rows are all of it, whatever their axes."""
     if law.task.shape[0] == 6:
         return float(x[i] / law.length if i < 3 else x[i])
@@ -272,7 +281,7 @@ def _jacobi(G: Floats, V: Floats) -> None:
 
 
 @njit
-def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
+def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
     """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
     w.y, what is asked for, has 2/(damping^2 + s^2) in place of 1/s^2 for small s, and ``most`` of it there at most:
@@ -335,7 +344,7 @@ def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
 
 
 @njit
-def _scaled(law: Law, w: _Scratch) -> None:
+def scaled(law: Law, w: Scratch) -> None:
     """The task's rows of the Jacobian w.J, scaled, into w.A."""
     m, n = w.A.shape
     for i in range(m):
@@ -349,7 +358,7 @@ def _scaled(law: Law, w: _Scratch) -> None:
 
 
 @njit
-def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: Floats) -> None:
+def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: Scratch, qd: Floats) -> None:
     """Adds to qd what is asked for the singular direction w.lost where that leads away from the singularity.
 
     A straight arm could not be bent again by the damped inverse alone, and one that is pulled on would pass through
@@ -369,8 +378,8 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: F
     for k in range(n):
         along[k] *= w.lost[m] / size
         at[k] += 1e-4 * along[k] / abs(w.lost[m])
-    _tip_and_jacobian(model, at, w)
-    _scaled(law, w)
+    tip_and_jacobian(model, at, w)
+    scaled(law, w)
     there = 0.0
     for k in range(n):
         if w.free[k]:
@@ -388,13 +397,13 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: F
 
 @njit
 def _law(
-    model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: _Scratch, posture_rate: Floats, qd: Floats
+    model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: Scratch, posture_rate: Floats, qd: Floats
 ) -> int:
     """Joint speeds of the law at q for sample ``at`` of the targets, into qd (n,); flags. Errors into w.error."""
     n, m = q.shape[0], law.task.shape[0]
     x, A = w.x, w.A
-    _tip_and_jacobian(model, q, w)
-    flags = _turning(law, w, targets.rotation[at])
+    tip_and_jacobian(model, q, w)
+    flags = feedback_turning(law, w, targets.rotation[at])
     square = 0.0
     for r in range(3):
         off = targets.position[at, r] - w.tip[0, r]
@@ -404,7 +413,7 @@ def _law(
     # A step must not jump across a singular posture: the faster the feedback would have the tip, the more is damped.
     pull = 0.0
     for i in range(m):
-        pull += _asked(law, x, i) ** 2
+        pull += asked_row(law, x, i) ** 2
     if law.feed_forward:
         for r in range(3):
             x[r] += targets.velocity[at, r]
@@ -422,7 +431,7 @@ def _law(
             row = law.task[i]
             astray -= (row[0] * x[0] + row[1] * x[1] + row[2] * x[2]) ** 2
             left -= (row[3] * x[3] + row[4] * x[4] + row[5] * x[5]) ** 2
-    _scaled(law, w)
+    scaled(law, w)
     if left > 1e-14 * (1.0 + x[3] * x[3] + x[4] * x[4] + x[5] * x[5]):
         flags |= PROJECTED
     if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
@@ -435,14 +444,14 @@ def _law(
         qd[k] = posture_rate[k]
     for _ in range(n + 1):
         for i in range(m):  # what the joints that are held leave to the others
-            w.y[i], w.z[i] = _asked(law, x, i), 0.0
+            w.y[i], w.z[i] = asked_row(law, x, i), 0.0
             for k in range(n):
                 if w.free[k]:
                     w.z[i] += A[i, k] * qd[k]
                 else:
                     w.y[i] -= A[i, k] * qd[k]
         w.lost[m] = 0.0
-        damped = _inverse(w, damping, law.pull_max, targets.step)
+        damped = inverse(w, damping, law.pull_max, targets.step)
         again = False
         for k in range(n):
             if not w.free[k]:
@@ -487,6 +496,14 @@ def _posture(law: Law, q: Floats, rate: Floats) -> None:
 
 
 @njit
+def law_at(model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, qd: Floats) -> int:
+    """The law once: joint speeds at q for row ``at`` of the targets, into qd (n,); flags."""
+    w, rate = scratch(q.shape[0], law.task.shape[0]), np.zeros(q.shape[0])
+    _posture(law, q, rate)
+    return int(_law(model, law, q, targets, at, w, rate, qd))
+
+
+@njit
 def track(
     model: ArmModel,
     law: Law,
@@ -506,7 +523,7 @@ def track(
     [rad/s] of its stages; flags (T,).
     """
     steps, n = q.shape[0] - 1, q.shape[1]
-    w = _scratch(n, law.task.shape[0])
+    w = scratch(n, law.task.shape[0])
     rate = np.zeros(n)
     k1, k2, k3, k4, at = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     h, stride = targets.step, targets.stride

@@ -404,12 +404,30 @@ def test_a_batch_is_its_runs(puma: Arm) -> None:
         assert np.array_equal(run.q, ik.track(target, first).q)
 
 
+def test_the_law_on_line_is_the_eulers_run() -> None:
+    for name in ("puma", "panda", "scara"):
+        arm = loaded(name)
+        first, last = postures(arm, np.random.default_rng(4))
+        ik, target = FeedbackIK(arm), PoseTarget.sample(joint_motion(arm, first, last, 0.2), 0.2, 0.004)
+        run, q = ik.track(target, first, integrator="euler"), first.copy()
+        for k in range(len(run.time) - 1):
+            qd, flags = ik.joint_speeds(q, target, 2 * k)
+            assert np.array_equal(qd, run.qd[k])
+            assert flags == run.flags[k]
+            q = np.clip(q + target.step * qd, arm.position_min, arm.position_max)
+            assert np.array_equal(q, run.q[k + 1])
+        with pytest.raises(InputError, match="row 101"):
+            ik.joint_speeds(first, target, 101)
+        with pytest.raises(InputError, match="shape"):
+            ik.joint_speeds(first[:-1], target, 0)
+
+
 def test_the_loops_own_jacobian_and_pose_are_the_arms() -> None:
     for name in ARMS:
         arm = loaded(name)
-        scratch = loops._scratch(arm.dof, 6)
+        scratch = loops.scratch(arm.dof, 6)
         for q in (postures(arm, np.random.default_rng(seed))[0] for seed in range(5)):
-            loops._tip_and_jacobian(arm.model, q, scratch)
+            loops.tip_and_jacobian(arm.model, q, scratch)
             T = arm.tip_pose(q)
             np.testing.assert_allclose(scratch.J, arm.jacobian(q), atol=1e-14)
             np.testing.assert_allclose(scratch.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
