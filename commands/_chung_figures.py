@@ -161,11 +161,11 @@ def _errors_and_bounds(found: Chung) -> Figure:
                 note(axes, 0.5, 0.1, "the three integrators coincide", ha="center", color=MUTED)
         rows[row, 0].set_ylabel(f"{what} error [{unit}]")
     rows[0, 0].set_title("Feedback alone lags")
-    rows[0, 1].set_title("Rates fed forward: the integrator's part is left")
+    rows[0, 1].set_title("Rates fed forward")
     for axes in rows[1]:
-        axes.set_xlabel("time [s]")
-    for method, color in METHODS.items():
-        rows[0, 1].plot([], [], color=color, label=method)
+        axes.set_xlabel("time [s], in steps of 10 ms")
+    for name, color in METHODS.items():
+        rows[0, 1].plot([], [], color=color, label=name)
     rows[0, 1].plot([], [], color=MUTED, linestyle=DASHED, label="proven bound")
     figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure

@@ -34,8 +34,9 @@ def _lee2006(output: Output) -> Reproduction:
 
 
 def _chung(output: Output) -> Reproduction:
-    from armtempo.commands._chung import CAPTION, compare, run
+    from armtempo.commands._chung import run
     from armtempo.commands._chung_figures import chung_figures
+    from armtempo.commands._chung_table import CAPTION, compare
 
     with output.progress("Tracking (compiles once after installation)"):
         found = run()
