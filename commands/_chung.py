@@ -34,7 +34,7 @@ POSTURE = np.array([0.2, 0.5, -0.6, 0.3, 0.9, 0.1])  # far from all singularitie
 SHOULDER = np.array([0.0, 0.0, 0.66])  # [m]
 REACH = math.hypot(0.55 + 0.45, 0.13)  # [m] of the wrist centre from the shoulder
 NOISE = 1e-4  # [m] standard deviation of each coordinate of a measured target
-SHIFTS = ("no rates", "rates fed")
+SHIFTS: tuple[str, str] = ("no rates", "rates fed")
 SCHEMES = ("differentiated", "fed back", "fed back, true rates")
 
 
@@ -169,19 +169,18 @@ def _hard(arm: Arm, target: PoseTarget, start: Array) -> Hard:
 
 def _printed_law(arm: Arm, target: PoseTarget, start: Array) -> tuple[Array, Array]:
     """Eqs. (2.12), (2.16) with the plain inverse, by Euler: joint speeds, and errors as ``Hard`` has them."""
-    q, h = start.copy(), target.step
-    speeds, errors = [], []
-    for p, R, v, w in zip(
-        target.position[::2], target.rotation[::2], target.velocity[::2], target.angular_velocity[::2], strict=True
-    ):
-        T = arm.tip_pose(q)
-        n, a = T[:3, 0], T[:3, 2]
-        turn = KA * np.cross(a, R[:, 2]) + KN * a * (a @ np.cross(n, R[:, 0])) + w
-        qd = np.linalg.solve(arm.jacobian(q), np.concatenate([KP * (p - T[:3, 3]) + v, turn]))
-        speeds.append(qd)
-        errors.append((np.linalg.norm(p - T[:3, 3]), Rotation.from_matrix(R.T @ T[:3, :3]).magnitude()))
-        q = q + h * qd
-    return np.array(speeds), np.array(errors)
+    q, qd = start, np.empty((len(target.time), arm.dof))
+    p, R = target.position[::2], target.rotation[::2]
+    rates = np.concatenate([target.velocity, target.angular_velocity], axis=1)[::2]
+    T = np.empty((len(qd), 4, 4))
+    for k in range(len(qd)):
+        T[k] = arm.tip_pose(q)
+        E = T[k, :3, :3].T @ R[k]  # the target's axes along the tip's: n x n_d and a x a_d stand in it
+        turn = T[k, :3, :3] @ (-KA * E[1, 2], KA * E[0, 2], KN * E[1, 0])
+        qd[k] = np.linalg.solve(arm.jacobian(q), np.concatenate([KP * (p[k] - T[k, :3, 3]), turn]) + rates[k])
+        q = q + target.step * qd[k]
+    turned = Rotation.from_matrix(T[:, :3, :3].transpose(0, 2, 1) @ R).magnitude()
+    return qd, np.stack([np.linalg.norm(p - T[:, :3, 3], axis=1), turned], axis=1)
 
 
 def _noisy(arm: Arm, target: PoseTarget, start: Array) -> dict[str, Follower]:

@@ -54,7 +54,7 @@ def _entry_and_run(figure: Figure, rows: int, end: float) -> list[tuple[Axes, Ax
     for entry, whole in pairs:
         entry.set_xlim(0.0, ENTRY)
         whole.set_xlim(0.0, end)
-    pairs[-1, 0].set_xlabel("time [s]: the start")
+    pairs[-1, 0].set_xlabel("time [s]: from a start of ours")
     pairs[-1, 1].set_xlabel("time [s]: one period")
     return [(entry, whole) for entry, whole in pairs]
 
@@ -111,7 +111,7 @@ def _direction(found: Chung, column: int, title: str) -> Figure:
         bound, name = np.hypot(chord, around), "the paper's bound (3.9), by (3.4) and (3.5)"
     below.semilogy(time, size, color=ARM_COLORS[0], label="|desired − solution|")
     below.semilogy(time, bound, color=ARM_COLORS[1], linewidth=1.2, linestyle=DASHED, label=name)
-    below.set_ylim(1e-4, 1.0)
+    below.set_ylim(1e-4, 2.0)
     below.set_ylabel("error [1]")
     below.set_xlabel("time [s]; the desired vector never changes")
     below.legend(loc="upper right")
@@ -177,9 +177,11 @@ def _noise(found: Chung) -> Figure:
     speed, error = figure.subplots(2, 1, sharex=True)
     colors = dict(zip(SCHEMES, ("#D55E00", "#56B4E9", "#24476B"), strict=True))
     time = found.target.time
-    for k, (name, scheme) in enumerate(found.noisy.items()):
-        speed.plot(time, scheme.qd[:, 3], color=colors[name], linewidth=0.6 if k == 0 else 1.2, label=name)
-        error.semilogy(time, MM * scheme.error, color=colors[name], linewidth=1.0, label=name)
+    names = ("differences of the target, inverted", "fed back", "fed back, with the true rates")
+    for k, (name, said) in enumerate(zip(SCHEMES, names, strict=True)):
+        scheme = found.noisy[name]
+        speed.plot(time, scheme.qd[:, 3], color=colors[name], linewidth=0.6 if k == 0 else 1.2, label=said)
+        error.semilogy(time, MM * scheme.error, color=colors[name], linewidth=1.0, label=said)
     speed.set_ylabel("speed of joint 4 [rad/s]")
     speed.set_title(f"A target measured to {MM * NOISE:g} mm each 1 ms: what the solvers make of it")
     error.set_ylabel("position error [mm]")
@@ -224,7 +226,7 @@ def _hard(found: Chung) -> Figure:
     turning_speed.set_ylim(5e-2, 1e2)
     error.set_ylim(1e-6, 1e5)
     turning_error.set_ylim(1e-10, 1.0)
-    note(speed, 0.985, 0.93, "shaded: out of reach", ha="right", color=MUTED)
+    note(speed, float(beyond.mean()), 2e6, "out of reach", data=True, ha="center", color=MUTED)
     note(turning_speed, 0.02, 1.15, "the cap", data=True, color=MUTED)
     speed.set_ylabel("fastest joint / its cap [1]")
     error.set_ylabel("position error [mm]")

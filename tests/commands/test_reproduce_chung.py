@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from armtempo.commands import main
-from armtempo.commands._chung import UNCAPPED, Chung, run, still
+from armtempo.commands._chung import POSTURE, UNCAPPED, _printed_law, run, still
+from armtempo.commands._chung_table import compare
+from armtempo.configs import data_path
 from armtempo.planners import FeedbackIK, PoseTarget
+from armtempo.robots import Arm
 
 Rows = dict[str, dict[str, Any]]
 
@@ -30,11 +33,6 @@ def rows(folder: Path) -> Rows:
     by_name = {row["quantity"].strip(): row for row in listed}
     assert len(by_name) == len(listed)
     return by_name
-
-
-@pytest.fixture(scope="module")
-def found() -> Chung:
-    return run()
 
 
 def test_the_run_has_the_errors_that_the_equations_say(rows: Rows) -> None:
@@ -113,24 +111,18 @@ def test_every_figure_is_drawn(folder: Path) -> None:
     assert all(file.stat().st_size > 10_000 for file in folder.glob("*.png"))
 
 
-def test_the_printed_law_is_that_of_the_solver(found: Chung) -> None:
+def test_the_printed_law_is_that_of_the_solver() -> None:
     """Far from singularities the plain inverse takes the Euler steps of ``FeedbackIK``."""
-    from armtempo.commands._chung import POSTURE, _printed_law
-
-    T = found.arm.tip_pose(POSTURE + 0.1)
+    arm = Arm.from_urdf(data_path("robots/puma560_chung.urdf"))
+    T = arm.tip_pose(POSTURE + 0.1)
     target = PoseTarget.sample(still(T), 0.3, 1e-3)
-    speeds, errors = _printed_law(found.arm, target, POSTURE)
-    ours = FeedbackIK(found.arm, joint_speed_max=UNCAPPED, damping=1e-6).track(target, POSTURE, integrator="euler")
+    speeds, errors = _printed_law(arm, target, POSTURE)
+    ours = FeedbackIK(arm, joint_speed_max=UNCAPPED, damping=1e-6).track(target, POSTURE, integrator="euler")
     np.testing.assert_allclose(speeds, ours.qd, atol=1e-9)
     np.testing.assert_allclose(errors[:, 0], ours.position_error, atol=1e-12)
     np.testing.assert_allclose(errors[:, 1], ours.orientation_error, atol=1e-9)
 
 
-def test_the_same_bits_twice(found: Chung) -> None:
-    again = run()
-    for name, done in found.entry.items():
-        assert np.array_equal(done.q, again.entry[name].q)
-    for name, scheme in found.noisy.items():
-        assert np.array_equal(scheme.qd, again.noisy[name].qd)
-    assert np.array_equal(found.outside.plain_qd, again.outside.plain_qd)
-    assert np.array_equal(found.singular.ours.q, again.singular.ours.q)
+def test_the_same_bits_twice(folder: Path) -> None:
+    again = [quantity.to_dict() for quantity in compare(run())]
+    assert again == json.loads((folder / "r.json").read_text(encoding="utf-8"))
