@@ -116,7 +116,7 @@ def _direction(found: Chung, column: int, title: str) -> Figure:
     below.set_xlabel("time [s]; the desired vector never changes")
     below.legend(loc="upper right")
     over = float((size / bound)[time < 0.4].max())
-    note(below, 0.02, 0.06, f"largest error / bound: {over:.3f}")
+    note(below, 0.02, 0.06, f"largest error / bound: {over:.3f}{': it is of first order only' if over > 1.0 else ''}")
     return figure
 
 
