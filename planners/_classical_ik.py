@@ -194,6 +194,7 @@ def _finished(arm: Arm, target: PoseTarget, q: Array, flags: Flags) -> IKRun:
             position=none,
             approach=half_turn,
             orientation=half_turn,
+            position_between=none,
             joint_speed=np.full(arm.dof, np.inf),
             ultimate_position=np.inf,
             ultimate_approach=np.pi,

@@ -53,6 +53,8 @@ class IKBounds:
     """(T,) angle between the approach axes [rad]; pi: none."""
     orientation: Array
     """(T,) angle of the whole rotation [rad]; pi: none."""
+    position_between: Array
+    """(T,) [m] from each sample to the next, at every instant, if the joints move evenly there."""
     joint_speed: Array
     """(n,) [rad/s or m/s]."""
     ultimate_position: float
@@ -125,12 +127,15 @@ class FeedbackIK:
     angle ``d' <= -K sin d + K_n / sqrt(27) (1 - cos d) + w`` with K = min(K_a, K_n) (the gains' product of axes couples
     the paper's two angles: its eq. 3.5 is no bound); the position error ``e' = -K_p e``, or is within |P_d'| / K_p of
     that without feed-forward. w is the target's turning, or 0 if fed forward. With ``quaternion`` errors
-    ``d' = -2 K_a sin(d/2) + w``. To these a bound of what the integrator adds, of second order in the step for all
-    three (so it is generous to rk4), from the joint speeds of each step (measured) and the arm's lengths (the worst
-    posture).
-    They hold for steps of the plain law: not damped, no cap, no joint limit, not in escape. In other steps they grow at
-    the speed at which tip and target could part at most: still true, seldom of use. They assume that the target's
-    accelerations between samples are those of ``PoseTarget`` at most. Joint speeds: the caps, always.
+    ``d' = -2 K_a sin(d/2) + w``. These give the ultimate bounds.
+
+    The bounds of a run go from sample to sample, from the error at the start on: what the law leaves of the bound
+    before, and what the step did beyond the law's feedback. That is the target's step less the tip's, with the tip's
+    worked out from the joints' step, the Jacobian and the next derivatives of its place (two) and turning (one), and
+    the ones after these bounded over all postures. No pose of the tip enters after the start, so that poses are what
+    they can be checked with; the joints' steps do, so that they are true in all steps, damped or capped or not, but are
+    known after the run only. Between samples they add an eighth of the greatest accelerations; the target's is that of
+    ``PoseTarget``. Joint speeds: the caps, always.
 
     Args:
         arm: Any serial arm.
@@ -189,18 +194,11 @@ class FeedbackIK:
         extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
         steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
         beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
-        self._levers = np.where(model.prismatic, 1.0, beyond)
+        levers = np.where(model.prismatic, 1.0, beyond)
         turning = ~model.prismatic
-        inner, outer = (
-            np.minimum.outer(np.arange(arm.dof), np.arange(arm.dof)),
-            np.maximum.outer(np.arange(arm.dof), np.arange(arm.dof)),
-        )
-        self._bends = np.where(turning[inner], self._levers[outer], 0.0)
-        self._turns = np.outer(turning, turning).astype(np.float64)
         self.length = float(beyond[turning].max()) if turning.any() else 1.0
         linear, angular = _reach_of(arm)
         self.task = _task(arm, task, linear, angular)
-        self._loose = (_outside(linear, self.task[:, :3]), _outside(angular, self.task[:, 3:]))
         spare = arm.dof > len(self.task)
         self._law = loops.Law(
             self.gains.position,
@@ -219,6 +217,7 @@ class FeedbackIK:
             arm.position_max,
             rest,
             float(posture_gain) if spare else 0.0,
+            levers,
         )
 
     def _joints(self, values: ArrayLike, what: str) -> Array:
@@ -276,13 +275,11 @@ class FeedbackIK:
             h,
         )
         lead = (len(targets), (len(targets[0].position) + 1) // 2)
-        steps = (lead[0], lead[1] - 1)
-        q, qd, errors = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.empty((*lead, 3))
-        fastest, turning, flags = np.empty((*steps, arm.dof)), np.empty(steps), np.zeros(lead, dtype=np.int64)
+        q, qd, flags = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.zeros(lead, dtype=np.int64)
+        errors, bounds = np.empty((*lead, 3)), np.empty((*lead, 4))
         q[:, 0] = first
-        method = INTEGRATORS.index(integrator)
-        loops.track_many(arm.model, law, method, samples, q, qd, errors, fastest, turning, flags)
-        for array in (q, qd, errors, flags):
+        loops.track_many(arm.model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
+        for array in (q, qd, errors, bounds, flags):
             array.setflags(write=False)
         return tuple(
             IKRun(
@@ -293,7 +290,7 @@ class FeedbackIK:
                 approach_error=errors[b, :, 1],
                 orientation_error=errors[b, :, 2],
                 flags=flags[b],
-                bounds=self._bounds(law, method, target, errors[b, 0], fastest[b], turning[b], flags[b]),
+                bounds=_bounds(law, target, bounds[b]),
             )
             for b, target in enumerate(targets)
         )
@@ -320,53 +317,24 @@ class FeedbackIK:
         flags = loops.law_at(self.arm.model, law, q, samples, index, qd)
         return qd, int(flags)
 
-    def _bounds(
-        self,
-        law: loops.Law,
-        method: int,
-        target: PoseTarget,
-        first: Array,
-        fastest: Array,
-        turning: Array,
-        flags: NDArray[np.int64],
-    ) -> IKBounds:
-        bounds = np.empty((len(fastest) + 1, 3))
-        bounds[0] = first
-        h = target.step
-        speed, spin = (
-            np.maximum(np.maximum(size[:-2:2], size[1:-1:2]), size[2::2])
-            for size in (np.linalg.norm(target.velocity, axis=1), np.linalg.norm(target.angular_velocity, axis=1))
-        )
-        # Rates between the rows: from a row at most a quarter of a step away.
-        speed, spin = speed + 0.25 * h * target.acceleration, spin + 0.25 * h * target.angular_acceleration
-        loops.error_bounds(
-            law,
-            method,
-            h,
-            self._loose,
-            self._levers,
-            self._bends,
-            self._turns,
-            fastest,
-            turning,
-            flags,
-            speed,
-            spin,
-            target.acceleration,
-            target.angular_acceleration,
-            bounds,
-        )
-        bounds.setflags(write=False)
-        v, w = (0.0, 0.0) if law.feed_forward else (float(speed.max()), float(spin.max()))
-        return IKBounds(
-            position=bounds[:, 0],
-            approach=bounds[:, 1],
-            orientation=bounds[:, 2],
-            joint_speed=law.speed_max,
-            ultimate_position=v / law.position_gain,
-            ultimate_approach=_ultimate(law, w, whole=False),
-            ultimate_orientation=_ultimate(law, w, whole=True),
-        )
+
+def _bounds(law: loops.Law, target: PoseTarget, bounds: Array) -> IKBounds:
+    v = w = 0.0
+    if not law.feed_forward:  # rates between the rows: from a row at most a quarter of a step away
+        v, w = (float(np.linalg.norm(rate, axis=1).max()) for rate in (target.velocity, target.angular_velocity))
+        v, w = v + 0.25 * target.step * target.acceleration, w + 0.25 * target.step * target.angular_acceleration
+    between = bounds[:, 3] + 0.125 * target.step**2 * target.acceleration
+    between.setflags(write=False)
+    return IKBounds(
+        position=bounds[:, 0],
+        approach=bounds[:, 1],
+        orientation=bounds[:, 2],
+        position_between=between,
+        joint_speed=law.speed_max,
+        ultimate_position=v / law.position_gain,
+        ultimate_approach=_ultimate(law, w, whole=False),
+        ultimate_orientation=_ultimate(law, w, whole=True),
+    )
 
 
 def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
@@ -393,11 +361,6 @@ def _span(columns: Array) -> Array:
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     rank = int((s > 1e-9 * max(s[0], 1e-12)).sum())
     return np.eye(3) if rank == 3 else np.asarray(U[:, :rank].T)
-
-
-def _outside(span: Array, rows: Array) -> bool:
-    """Is there a direction of ``span`` that the rows do not hold."""
-    return bool(np.abs(span - span @ rows.T @ rows).max(initial=0.0) > 1e-9)
 
 
 def _task(arm: Arm, task: TaskName | ArrayLike, linear: Array, angular: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Inner loops of ``FeedbackIK``: the law, the damped inverse, one run over sampled targets, and its error bounds.
+"""Inner loops of ``FeedbackIK``: the law, the damped inverse, one run over sampled targets with its error bounds.
 
 Nothing is checked here: callers pass float64 arrays of the right shape. SI units, radians; vectors in world axes.
 """
@@ -26,7 +26,6 @@ __all__ = [
     "Scratch",
     "Targets",
     "asked_row",
-    "error_bounds",
     "inverse",
     "law_at",
     "scaled",
@@ -39,6 +38,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Quaternion = tuple[float, float, float, float]
 
 # What a step did beyond the plain law, as bits.
 DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY, UNREACHED = 1, 2, 4, 8, 16, 32, 64, 128
@@ -70,6 +70,8 @@ class Law(NamedTuple):
     position_max: Floats
     posture: Floats
     posture_gain: float
+    levers: Floats
+    """(n,) [m] how far a unit of each joint moves the tip at most."""
 
 
 class Targets(NamedTuple):
@@ -99,7 +101,11 @@ class Scratch(NamedTuple):
     tip: Floats
     """(4, 3) the tip's position and the columns n, s, a of its rotation."""
     error: Floats
-    """(5,) position [m], approach, whole rotation [rad], feedback's angular speed [rad/s], smallest damped value."""
+    """(3,) position [m], approach, whole rotation [rad]."""
+    feedback: Floats
+    """(6,) the twist that the feedback asks for."""
+    before: Floats
+    """(6, n) the Jacobian at a step's start."""
     free: NDArray[np.bool_]
 
 
@@ -118,7 +124,9 @@ def scratch(n: int, m: int) -> Scratch:
         np.empty(m),
         np.zeros(m + 1),
         np.empty((4, 3)),
-        np.empty(5),
+        np.empty(3),
+        np.empty(6),
+        np.empty((6, n)),
         np.empty(n, dtype=np.bool_),
     )
 
@@ -199,7 +207,6 @@ def feedback_turning(law: Law, w: Scratch, Rd: Floats) -> int:
             flags |= ESCAPE
             t = FLEE * around if t >= 0.0 else -FLEE * around
         fx, fy, fz = law.approach_gain * u, law.approach_gain * v, law.normal_gain * t
-    w.error[3] = math.sqrt(fx * fx + fy * fy + fz * fz)
     for r in range(3):
         w.x[3 + r] = fx * n[r] + fy * s[r] + fz * a[r]
     return flags
@@ -365,7 +372,7 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: Scratch, qd: Fl
     straight and come back with its elbow on the other side: it stops short of that.
     """
     m, n = w.A.shape
-    along, at = np.zeros(n), q.copy()
+    along, at, near = np.zeros(n), q.copy(), scratch(n, m)
     size = 0.0
     for k in range(n):
         if w.free[k]:
@@ -378,14 +385,14 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: Scratch, qd: Fl
     for k in range(n):
         along[k] *= w.lost[m] / size
         at[k] += 1e-4 * along[k] / abs(w.lost[m])
-    tip_and_jacobian(model, at, w)
-    scaled(law, w)
+    tip_and_jacobian(model, at, near)
+    scaled(law, near)
     there = 0.0
     for k in range(n):
         if w.free[k]:
             side = 0.0
             for i in range(m):
-                side += w.A[i, k] * w.lost[i]
+                side += near.A[i, k] * w.lost[i]
             there += side * side
     if math.sqrt(there) <= size:
         return
@@ -414,6 +421,8 @@ def _law(
     pull = 0.0
     for i in range(m):
         pull += asked_row(law, x, i) ** 2
+    for r in range(6):
+        w.feedback[r] = x[r]
     if law.feed_forward:
         for r in range(3):
             x[r] += targets.velocity[at, r]
@@ -512,19 +521,18 @@ def track(
     q: Floats,
     qd: Floats,
     errors: Floats,
-    fastest: Floats,
-    turning: Floats,
+    bounds: Floats,
     flags: Integers,
 ) -> None:
     """One run from q[0].
 
-    Into q, qd (T, n): positions, and the law's speeds there; errors (T, 3): position, approach, whole rotation;
-    fastest (T - 1, n): greatest joint speeds of a step's stages; turning (T - 1,): greatest feedback turning speed
-    [rad/s] of its stages; flags (T,).
+    Into q, qd (T, n): positions, and the law's speeds there; errors (T, 3): position, approach, whole rotation; bounds
+    (T, 4): of these, and of the position up to the next sample (of a
+    target that moves evenly); flags (T,).
     """
     steps, n = q.shape[0] - 1, q.shape[1]
     w = scratch(n, law.task.shape[0])
-    rate = np.zeros(n)
+    rate, feedback = np.zeros(n), np.empty(6)
     k1, k2, k3, k4, at = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     h, stride = targets.step, targets.stride
     for k in range(steps + 1):
@@ -535,46 +543,48 @@ def track(
             qd[k, i] = k1[i]
         for r in range(3):
             errors[k, r] = w.error[r]
+            if k == 0:
+                bounds[0, r] = w.error[r]
         if k == steps:
             flags[k] = flag
+            bounds[k, 3] = bounds[k, 0]
             return
-        turn = w.error[3]
+        plain = flag & ESCAPE == 0
+        for r in range(6):
+            feedback[r] = w.feedback[r]
+            for i in range(n):
+                w.before[r, i] = w.J[r, i]
         if method == HEUN:
             for i in range(n):
                 at[i] = q[k, i] + h * k1[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + stride, w, rate, k2)
-            turn = max(turn, w.error[3])
         elif method == RK4:
             for i in range(n):
                 at[i] = q[k, i] + 0.5 * h * k1[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 1, w, rate, k2)
-            turn = max(turn, w.error[3])
             for i in range(n):
                 at[i] = q[k, i] + 0.5 * h * k2[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 1, w, rate, k3)
-            turn = max(turn, w.error[3])
             for i in range(n):
                 at[i] = q[k, i] + h * k3[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 2, w, rate, k4)
-            turn = max(turn, w.error[3])
         for i in range(n):
-            speed, most = k1[i], abs(k1[i])
+            speed = k1[i]
             if method == HEUN:
-                speed, most = 0.5 * (k1[i] + k2[i]), max(most, abs(k2[i]))
+                speed = 0.5 * (k1[i] + k2[i])
             elif method == RK4:
                 speed = (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
-                most = max(most, abs(k2[i]), abs(k3[i]), abs(k4[i]))
-            fastest[k, i] = most
             moved = q[k, i] + h * speed
             if moved < law.position_min[i] or moved > law.position_max[i]:
                 flag |= LIMIT
                 moved = min(max(moved, law.position_min[i]), law.position_max[i])
             q[k + 1, i] = moved
-        turning[k] = turn
+            at[i] = moved - q[k, i]
+        _step_bounds(law, w.before, at, feedback, plain, targets, here, bounds[k], bounds[k + 1])
         flags[k] = flag
 
 
@@ -587,8 +597,7 @@ def track_many(
     q: Floats,
     qd: Floats,
     errors: Floats,
-    fastest: Floats,
-    turning: Floats,
+    bounds: Floats,
     flags: Integers,
 ) -> None:
     """``track`` for each of the first axis of all arrays (B, ...)."""
@@ -601,113 +610,149 @@ def track_many(
             targets.stride,
             targets.step,
         )
-        track(model, law, method, one, q[b], qd[b], errors[b], fastest[b], turning[b], flags[b])
+        track(model, law, method, one, q[b], qd[b], errors[b], bounds[b], flags[b])
 
 
 @njit
-def _decay(x: float, gain: float, cross: float, push: float, h: float) -> float:
-    """X' = -gain sin x + cross (1 - cos x) + push after h, exactly; pi where it gets there.
+def _decay(x: float, gain: float, cross: float, h: float) -> float:
+    """X' = -gain sin x + cross (1 - cos x) after h, exactly: with t = tan(x/2), t' = cross t^2 - gain t."""
+    if x >= math.pi:
+        return math.pi
+    t, left = math.tan(0.5 * x), math.exp(-gain * h)
+    rest = 1.0 - cross / gain * t * (1.0 - left)
+    return math.pi if rest <= 0.0 else min(2.0 * math.atan(t * left / rest), math.pi)
 
-    With t = tan(x/2) a Riccati equation: t' = (cross + push/2) t^2 - gain t + push/2, t = N/M with N, M linear.
+
+@njit
+def _quaternion(x: float, y: float, z: float) -> Quaternion:
+    """Of a rotation vector."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    s = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
+    return math.cos(0.5 * angle), s * x, s * y, s * z
+
+
+@njit
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] + a[2] * b[0] + a[3] * b[1] - a[1] * b[3],
+        a[0] * b[3] + a[3] * b[0] + a[1] * b[2] - a[2] * b[1],
+    )
+
+
+@njit
+def _angle(a: Quaternion) -> float:
+    return 2.0 * math.atan2(math.sqrt(a[1] * a[1] + a[2] * a[2] + a[3] * a[3]), abs(a[0]))
+
+
+@njit
+def _between(A: Floats, B: Floats) -> Quaternion:
+    """B A^T, a turn of less than a half."""
+    x = y = z = trace = 0.0
+    for c in range(3):
+        x += 0.5 * (B[2, c] * A[1, c] - B[1, c] * A[2, c])
+        y += 0.5 * (B[0, c] * A[2, c] - B[2, c] * A[0, c])
+        z += 0.5 * (B[1, c] * A[0, c] - B[0, c] * A[1, c])
+        trace += A[0, c] * B[0, c] + A[1, c] * B[1, c] + A[2, c] * B[2, c]
+    w = 0.5 * math.sqrt(max(1.0 + trace, 1e-12))
+    return w, x / (2.0 * w), y / (2.0 * w), z / (2.0 * w)
+
+
+@njit
+def _chord(J: Floats, dq: Floats, out: Floats) -> None:
+    """Where dq takes the tip, from the Jacobian, into out (7,): its place to third order, its turning to second.
+
+    out[6]: the second derivative of its place along dq.
     """
-    a, c = cross + 0.5 * push, 0.5 * push
-    N, M = math.sin(0.5 * x), math.cos(0.5 * x)
-    square = 0.25 * gain * gain - a * c
-    mu = math.sqrt(abs(square))
-    if square > 0.0:
-        even, odd = math.cosh(mu * h), math.sinh(mu * h) / mu
-    elif square < 0.0:
-        if mu * h >= 0.5 * math.pi:
-            return math.pi
-        even, odd = math.cos(mu * h), math.sin(mu * h) / mu
-    else:
-        even, odd = 1.0, h
-    N, M = even * N + odd * (-0.5 * gain * N + c * M), even * M + odd * (-a * N + 0.5 * gain * M)
-    return math.pi if M <= 0.0 else min(2.0 * math.atan2(N, M), math.pi)
+    fx = fy = fz = sx = sy = sz = tx = ty = tz = 0.0  # the place's derivatives by the joints from j on
+    wx = wy = wz = vx = vy = vz = 0.0  # their turning, and half its derivative
+    for j in range(dq.shape[0] - 1, -1, -1):
+        d = dq[j]
+        x, y, z = d * J[3, j], d * J[4, j], d * J[5, j]
+        jx, jy, jz = d * J[0, j], d * J[1, j], d * J[2, j]
+        ax, ay, az = jx + 3.0 * fx, jy + 3.0 * fy, jz + 3.0 * fz
+        ax, ay, az = y * az - z * ay + 3.0 * sx, z * ax - x * az + 3.0 * sy, x * ay - y * ax + 3.0 * sz
+        tx, ty, tz = tx + y * az - z * ay, ty + z * ax - x * az, tz + x * ay - y * ax
+        ax, ay, az = jx + 2.0 * fx, jy + 2.0 * fy, jz + 2.0 * fz
+        sx, sy, sz = sx + y * az - z * ay, sy + z * ax - x * az, sz + x * ay - y * ax
+        fx, fy, fz = fx + jx, fy + jy, fz + jz
+        vx, vy, vz = vx + 0.5 * (y * wz - z * wy), vy + 0.5 * (z * wx - x * wz), vz + 0.5 * (x * wy - y * wx)
+        wx, wy, wz = wx + x, wy + y, wz + z
+    out[0], out[1], out[2] = fx + sx / 2.0 + tx / 6.0, fy + sy / 2.0 + ty / 6.0, fz + sz / 2.0 + tz / 6.0
+    out[3], out[4], out[5] = wx + vx, wy + vy, wz + vz
+    out[6] = math.sqrt(sx * sx + sy * sy + sz * sz)
 
 
 @njit
-def error_bounds(
+def _step_bounds(
     law: Law,
-    method: int,
-    step: float,
-    loose: tuple[bool, bool],
-    levers: Floats,
-    bends: Floats,
-    turns: Floats,
-    fastest: Floats,
-    turning: Floats,
-    flags: Integers,
-    target_speed: Floats,
-    target_turning: Floats,
-    acceleration: float,
-    angular_acceleration: float,
-    bounds: Floats,
+    J: Floats,
+    dq: Floats,
+    feedback: Floats,
+    plain: bool,
+    targets: Targets,
+    here: int,
+    old: Floats,
+    new: Floats,
 ) -> None:
-    """Bounds (T, 3) of the errors of a run, from the errors at its start in bounds[0]; see ``FeedbackIK``.
+    """Bounds (4,) after a step dq from where the Jacobian was J, from those before; see ``FeedbackIK``.
 
-    loose: the arm can move, or turn, the tip where the task does not look: no law for that error.
-    levers (n,): how far a unit of each joint moves the tip at most; bends, turns (n, n): the same for the second
-    derivatives of its position and its rotation. target_speed, target_turning (T - 1,): greatest in each step.
+    feedback (6,): what the law asked for there; not ``plain``: it was not the law's (it left a half turn).
     """
-    steps, n = fastest.shape
-    z = law.position_gain * step
-    if method == EULER:
-        R = 1.0 - z
-    elif method == HEUN:
-        R = 1.0 - z + 0.5 * z * z
-    else:
-        R = 1.0 - z + z * z / 2.0 - z**3 / 6.0 + z**4 / 24.0
-    gain = min(law.approach_gain, law.normal_gain)
+    n, h = dq.shape[0], targets.step
+    then = here + targets.stride
+    move = np.empty(7)
+    _chord(J, dq, move)
+    # The next derivatives along dq at the worst posture: the fourth of the tip's place, the third of its turning.
+    turn = pairs = place = bend = spin = 0.0
+    for j in range(n):
+        u = abs(dq[j])
+        if J[3, j] * J[3, j] + J[4, j] * J[4, j] + J[5, j] * J[5, j] > 0.5:
+            place += law.levers[j] * ((turn + u) ** 4 - turn**4)
+            bend += law.levers[j] * ((turn + u) ** 3 - turn**3)
+            spin += u * (turn * turn + pairs)
+            pairs += u * turn
+            turn += u
+        else:
+            place += 4.0 * u * turn**3
+            bend += 3.0 * u * turn * turn
+    rest = place / 24.0
+    # The turn of an angular velocity that is not constant, against the turn of its mean.
+    slack = spin / 6.0 + turn * (pairs + spin) / 8.0 + 0.5 * (0.25 * pairs + spin / 6.0) ** 2
+
+    off = 0.0
+    for r in range(3):
+        off += (targets.position[then, r] - targets.position[here, r] - move[r] + h * feedback[r]) ** 2
+    new[0] = abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off) + rest
+    # Between the samples an error is off its chord by an eighth of its greatest second derivative: the tip's part.
+    old[3] = max(old[0], new[0]) + 0.125 * (move[6] + bend)
+
+    turned = _product(
+        _quaternion(-move[3], -move[4], -move[5]), _between(targets.rotation[here], targets.rotation[then])
+    )
+    apart = _angle(turned) + slack
+    for r in range(1, 3):
+        new[r] = min(old[r] + apart, math.pi)
+    if not plain:
+        return
+    fx, fy, fz = h * feedback[3], h * feedback[4], h * feedback[5]
+    fed = math.sqrt(fx * fx + fy * fy + fz * fz)
+    off = _angle(_product(_quaternion(fx, fy, fz), turned)) + slack
+    if law.quaternion:  # the turn is about the error's own axis
+        z = law.approach_gain * h
+        left = max(old[2] - 2.0 * z * math.sin(0.5 * old[2]), (z - 1.0) * old[2])
+        new[2] = min(new[2], left + off)
+        new[1] = min(new[1], new[2])
+        return
+    # The feedback does not stay what it was at the step's start, as that of the exact solution does.
+    chord = 2.0 * math.sin(min(0.5 * (old[2] + fed), 0.5 * math.pi))
     most = max(law.approach_gain, law.normal_gain)
-    cross = law.normal_gain / math.sqrt(27.0)
-    if law.quaternion:
-        gain = most = law.approach_gain
-        cross = 0.0
-    ff = 1.0 if law.feed_forward else 0.0
-    for k in range(steps):
-        u = fastest[k]
-        reach = bend = turn = spin = 0.0
-        for i in range(n):
-            reach += levers[i] * u[i]
-            turn += turns[i, i] * u[i]
-            for j in range(n):
-                bend += bends[i, j] * u[i] * u[j]
-                if i != j:
-                    spin += 0.5 * turns[i, j] * u[i] * u[j]
-        plain = flags[k] & (DAMPED | TWIST | SPEED | LIMIT | STRAY)
-        if plain == 0 and not loose[0]:
-            # What a stage at c h, reached from one at d h, may be off the linear law: half c^2 of the target's and of
-            # the tip's acceleration, and c d of the Jacobian's and the feed-forward's change.
-            change = bend + ff * acceleration
-            half = 0.5 * (bend + acceleration)
-            h2 = step * step
-            if method == EULER:
-                off = h2 * half
-            elif method == HEUN:
-                off = 0.5 * z * (h2 * half) + h2 * (half + 0.5 * change)
-            else:
-                s2 = h2 * 0.25 * half
-                s3 = 0.5 * z * s2 + h2 * (0.25 * half + 0.25 * change)
-                s4 = z * s3 + h2 * (half + 0.5 * change)
-                off = z * (2.0 * s2 + 2.0 * s3 + s4) / 6.0 + h2 * (half + 0.5 * change)
-            lag = 0.0 if law.feed_forward else abs(1.0 - R) / law.position_gain * target_speed[k]
-            bounds[k + 1, 0] = abs(R) * bounds[k, 0] + lag + off
-        else:
-            bounds[k + 1, 0] = bounds[k, 0] + step * (target_speed[k] + reach)
-        if plain == 0 and not loose[1] and flags[k] & (ESCAPE | PROJECTED) == 0:
-            push = (1.0 - ff) * target_turning[k]
-            fb = turning[k]
-            change = step * (spin + angular_acceleration)
-            rate = fb + push + change
-            push += change + step * (rate * (math.sqrt(2.0) * most + fb) + fb * target_turning[k])
-            if law.quaternion:
-                whole = 2.0 * _decay(0.5 * bounds[k, 2], gain, 0.0, 0.5 * push, step)
-                bounds[k + 1, 2] = min(whole, math.pi)
-                bounds[k + 1, 1] = bounds[k + 1, 2]
-            else:
-                bounds[k + 1, 1] = _decay(bounds[k, 1], law.approach_gain, 0.0, push, step)
-                bounds[k + 1, 2] = _decay(bounds[k, 2], gain, cross, push, step)
-        else:
-            for r in range(1, 3):
-                bounds[k + 1, r] = min(bounds[k, r] + step * (target_turning[k] + turn), math.pi)
+    change = min(law.approach_gain + law.normal_gain, most + (law.approach_gain + 3.0 * law.normal_gain) * chord)
+    for r in range(1, 3):
+        gain = law.approach_gain if r == 1 else min(law.approach_gain, law.normal_gain)
+        cross = 0.0 if r == 1 else law.normal_gain / math.sqrt(27.0)
+        late = 0.5 * h * change * fed
+        if math.tan(min(old[r] + fed, 1.57)) * cross >= gain or old[r] + fed >= 1.57:  # there errors part
+            late *= math.exp(math.sqrt(gain * gain + cross * cross) * h)
+        new[r] = min(new[r], _decay(old[r], gain, cross, h) + late + off)
