@@ -153,8 +153,8 @@ def _errors_and_bounds(found: Chung) -> Figure:
                     continue
                 error, bound = getattr(done, f"{what}_error"), getattr(done.bounds, what)
                 style = {"color": METHODS[method], "zorder": 3.0 + (method == "euler")}
-                axes.semilogy(done.time[1:], scale * error[1:], **style, linewidth=1.4)
-                axes.semilogy(done.time[1:], scale * bound[1:], **style, linewidth=1.2, linestyle=DASHED)
+                axes.semilogy(done.time[1:], scale * bound[1:], **style, linewidth=4.5, alpha=0.3)
+                axes.semilogy(done.time[1:], scale * error[1:], **style, linewidth=1.2)
             axes.set_ylim(*span)
             axes.set_xlim(0.0, PERIOD)
             if not fed:
@@ -166,7 +166,7 @@ def _errors_and_bounds(found: Chung) -> Figure:
         axes.set_xlabel("time [s], in steps of 10 ms")
     for name, color in METHODS.items():
         rows[0, 1].plot([], [], color=color, label=name)
-    rows[0, 1].plot([], [], color=MUTED, linestyle=DASHED, label="proven bound")
+    rows[0, 1].plot([], [], color=MUTED, linewidth=4.5, alpha=0.4, label="bound, from the joints' steps and no pose")
     figure.legend(*rows[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
 

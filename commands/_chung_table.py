@@ -203,7 +203,16 @@ def _our_bounds(found: Chung) -> list[Quantity]:
     section = "Our bounds"
     runs = [*found.entry.values(), *found.steady.values(), found.outside.ours, found.singular.ours]
     kept = sum(all(done.held.values()) for done in runs)
-    rows = [_row(section, "runs whose bounds all hold", "1", float(len(runs)), float(kept))]
+    rows = [
+        _row(
+            section,
+            "runs whose bounds all hold",
+            "1",
+            float(len(runs)),
+            float(kept),
+            "of the joints' steps, without a pose",
+        )
+    ]
     shown: tuple[tuple[bool, Integrator, float], ...] = (
         (False, "rk4", 1e-3),
         (True, "euler", 1e-3),
