@@ -141,7 +141,7 @@ def _law(arm: Arm) -> list[Quantity]:
     both = IKGains(approach=KA, normal=KA)
     for w in (5.0, 10.0, 19.0, 21.0):
         ik = FeedbackIK(wide, both, feed_forward=False, joint_speed_max=UNCAPPED, damping=1e-6)
-        error = ik.track(PoseTarget.sample(turning(T, w * T[:3, 2]), 6.0, 1e-3), POSTURE).orientation_error
+        error = ik.track(PoseTarget.sample(turning(T, w * T[:3, 2]), 3.0, 5e-4), POSTURE).orientation_error
         locked = w < KA
         reference, ours = (math.asin(w / KA), error[-1]) if locked else (math.pi, error.max())
         note = "asin(w/K), K = 20" if locked else "w > K: lock is lost"

@@ -65,7 +65,7 @@ def test_the_law_is_what_it_is(rows: Rows) -> None:
     assert rows["tan(δ/2) off tan(δ₀/2) e^(−K_a t)"]["ours"] < 1e-6
     for w in (5, 10, 19):
         ours = rows[f"error behind a target turning at {w}/s"]["ours"]
-        assert ours == pytest.approx(math.asin(w / 20.0), rel=5e-3)
+        assert ours == pytest.approx(math.asin(w / 20.0), rel=1e-6)
     assert rows["error behind a target turning at 21/s"]["ours"] > 3.1
 
 
