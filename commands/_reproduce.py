@@ -33,7 +33,21 @@ def _lee2006(output: Output) -> Reproduction:
     return Reproduction("Lee, Ryu, Cheong (2006)", quantities, figures)
 
 
-PAPERS: dict[str, Callable[[Output], Reproduction]] = {"lee1991": _lee1991, "lee2006": _lee2006}
+def _chung(output: Output) -> Reproduction:
+    from armtempo.commands._chung import run
+    from armtempo.commands._chung_figures import chung_figures
+    from armtempo.commands._chung_table import CAPTION, compare
+
+    with output.progress("Tracking (compiles once after installation)"):
+        found = run()
+    with output.progress("Comparing"):
+        quantities = compare(found)
+    with output.progress("Drawing"):
+        figures = chung_figures(found)
+    return Reproduction("Chung, Ryu, Park", quantities, figures, "reference", CAPTION)
+
+
+PAPERS: dict[str, Callable[[Output], Reproduction]] = {"lee1991": _lee1991, "lee2006": _lee2006, "chung": _chung}
 
 
 def reproduce(
@@ -47,9 +61,11 @@ def reproduce(
     Args:
         paper: lee1991: "Near-Minimum Time Trajectory Planning of Two Robots with Collision Avoidance" (Lee, Chong, Suh,
             Choi, Lyou 1991). lee2006: "Smoothly Connected Path Generation and Time-Scheduling Method for
-            Industrial Robot Applications" (Lee, Ryu, Cheong 2006).
+            Industrial Robot Applications" (Lee, Ryu, Cheong 2006). chung: "A New Method for Solving the Inverse
+            Kinematics for 6 D.O.F. Manipulator" (Chung, Ryu, Park).
         json_file: Write the same figures there as JSON: a list of quantity, unit, paper (null where the paper has no
-            number), ours; "-" for nothing but JSON on stdout.
+            number; for chung, which prints none of its run, what its equations say or an independent computation),
+            ours; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
     """
     from armtempo.errors import UnknownNameError
@@ -67,10 +83,10 @@ def reproduce(
 
 
 def _tabulate(found: Reproduction, output: Output) -> None:
-    table = new_table(f"{found.source}: the paper beside ours", "– : the paper prints no number")
+    table = new_table(f"{found.source}: the {found.reference} beside ours", found.caption)
     table.add_column("quantity")
     table.add_column("unit")
-    table.add_column("paper", justify="right")
+    table.add_column(found.reference, justify="right")
     table.add_column("ours", justify="right")
     table.add_column("note", style="dim")
     section = ""
@@ -79,12 +95,13 @@ def _tabulate(found: Reproduction, output: Output) -> None:
             section = quantity.section
             table.add_section()
             table.add_row(f"[bold]{section}[/]")
-        printed = "–" if quantity.paper is None else f"{quantity.paper:g}"
+        digits = f".{quantity.digits}g" if quantity.significant else "g"
+        printed = "–" if quantity.paper is None else f"{quantity.paper:{digits}}"
         table.add_row(
             f"  {quantity.quantity}",
             quantity.unit,
             printed,
-            number(quantity.ours, quantity.digits),
+            f"{quantity.ours:{digits}}" if quantity.significant else number(quantity.ours, quantity.digits),
             shown(quantity.note),
         )
     output.table(table)

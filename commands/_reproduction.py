@@ -19,6 +19,7 @@ class Quantity(NamedTuple):
     ours: float
     digits: int = 4
     note: str = ""
+    significant: bool = False  # digits count from the first that is not zero
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON holds it; the note only where there is one."""
@@ -32,3 +33,5 @@ class Reproduction(NamedTuple):
     source: str
     quantities: Sequence[Quantity]
     figures: Mapping[str, Figure]
+    reference: str = "paper"  # head of the column beside ours
+    caption: str = "– : the paper prints no number"
