@@ -27,7 +27,8 @@ __all__ = ["Reference", "Scratch", "follow", "scratch", "speed_bounds"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 NEWTON = 20  # iterations at most
-SMALL = 1e-8  # [rad, m] a step of this size is the last: what it leaves is of the order of its square
+NOTHING = 1e-12  # [rad, m] a step of this size is the last, and
+SMALL = 1e-8  # one of this size is the last but one, whatever rounding does next to a singularity
 
 
 class Reference(NamedTuple):
@@ -117,6 +118,9 @@ def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
     for k in range(n):
         for i in range(m):
             value = 0.0
+            if m == 6:  # all of the twist, in whatever axes
+                w.A[i, k] = w.J[i, k]
+                continue
             for r in range(6):
                 value += task[i, r] * w.J[r, k]
             w.A[i, k] = value
@@ -160,11 +164,13 @@ def _solve(w: Scratch, task: Floats, twist: Floats, rest: Floats, out: Floats) -
         out[k] = 0.0
     for i in range(n):
         value = 0.0
-        if i < m:
+        if i >= m:
+            value = rest[i - m]
+        elif m == 6:
+            value = twist[i]
+        else:
             for r in range(6):
                 value += task[i, r] * twist[r]
-        else:
-            value = rest[i - m]
         for k in range(n):
             out[k] += w.B[k, i] * value
 
@@ -213,7 +219,7 @@ def follow(
                 for j in range(n):
                     value += N[j, i] * r[d, j]
                 rest[d, i] = value
-        off[k] = math.inf
+        off[k] = before = math.inf
         for _ in range(NEWTON):
             _jacobian(model, w)
             _matrix(task, N, w)
@@ -238,15 +244,12 @@ def follow(
                 largest = max(largest, abs(step[j]))
             if not largest < 1e3:
                 break
-            if largest <= SMALL:
-                moved = 0.0
+            if largest <= NOTHING or (largest <= SMALL and before <= SMALL):
+                off[k] = 0.0
                 for j in range(n):
-                    moved = max(moved, abs(w.q[0, j] - r[0, j]))
-                off[k] = moved
+                    off[k] = max(off[k], abs(w.q[0, j] - r[0, j]))
                 break
-        _jacobian(model, w)
-        _matrix(task, N, w)
-        _invert(w)
+            before = largest
         for j in range(n):
             q[k, j] = w.q[0, j]
         _solve(w, task, twist[k], rest[1], dq[k])
@@ -294,8 +297,11 @@ def speed_bounds(
                 weight[j, part] = 0.0
             for r in range(6):  # A0^-1 takes in a twist by way of the task's rows
                 value = 0.0
-                for i in range(m):
-                    value += w.B[j, i] * task[i, r]
+                if m == 6:
+                    value = w.B[j, r]
+                else:
+                    for i in range(m):
+                        value += w.B[j, i] * task[i, r]
                 weight[j, r // 3] += value * value
             for i in range(m, n):
                 weight[j, 2] += w.B[j, i] * w.B[j, i]

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.errors import InputError, PathError
 from armtempo.planners import _cartesian_joint_kernels as loops
-from armtempo.planners._feedback_ik import FeedbackIK, IKGains
+from armtempo.planners._feedback_ik import FeedbackIK, IKGains, IKRun
 from armtempo.planners._feedback_ik_kernels import LIMIT
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._planar_pair import check_position_limits
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 INTERVALS = 512  # of a path at first, and
-FEWEST, MOST = 8, 2**15  # of one of its pieces
+FEWEST, MOST = 8, 2**13  # of one of its pieces
 MIDDLE = 1e-5  # [rad, m] how far quintics may be from the path in the middle of intervals: one step of Newton from it
 NEAR_START = 0.25  # [rad, m] how far a joint may be moved onto the start of the path
 LOOSE = 0.1  # of the fastest joint's speed: how far bounds of speeds exceed those in the middle of their interval
@@ -239,9 +239,10 @@ class CartesianJointPath(JointPath):
         good = (off <= MIDDLE) & (run.flags & LIMIT == 0)
         if not good.all():
             bad = int(good.argmin())
-            if count < MOST and not (run.flags[: bad + 1] & LIMIT).any():
+            self._check_reach(bad, s, run, target)
+            if count < MOST:
                 return s, np.empty(0), still, False
-            raise self._blame(bad, s, run.q, run.flags, target)
+            raise self._singular(s[bad], run.q[bad], None)
         # The slope: of its spare part, what the tracker had.
         curve[:, 1] = run.qd * step
         if rate is not None:
@@ -254,17 +255,18 @@ class CartesianJointPath(JointPath):
         middle = self._follow(reference, 0.5 * (s[1:] + s[:-1]), index[:-1], False)
         fits = bool(middle[3].max() <= MIDDLE)
         if not fits and count >= MOST:
-            raise self._blame(int(middle[3].argmax()), s, run.q, run.flags, target)
+            k = int(middle[3].argmax())
+            raise self._singular(s[k], run.q[k], None)
         return s, np.stack([q, dq, ddq]), reference, fits
 
-    def _blame(self, k: int, s: Array, q: Array, flags: Ints, target: PoseTarget) -> PathError:
-        """Why the tracker could not follow at sample k."""
-        arm = self.arm
+    def _check_reach(self, k: int, s: Array, run: IKRun, target: PoseTarget) -> None:
+        """The tracker could not follow at sample k: refuse if a joint's limit or the arm's reach is the reason."""
+        arm, q, flags = self.arm, run.q, run.flags
         if (flags[: k + 1] & LIMIT).any():
             k = int(np.flatnonzero(flags & LIMIT)[0])
             room = np.minimum(q[k] - arm.position_min, arm.position_max - q[k])
             joint = int(room.argmin())
-            return self._refuse(
+            raise self._refuse(
                 s[k],
                 "limit",
                 f"breaks the limit of joint {arm.joint_names[joint]!r}: at {q[k, joint]:.4g} it cannot go on, its range is "
@@ -272,23 +274,22 @@ class CartesianJointPath(JointPath):
                 "start in another posture, move the path, or widen limits.position_rad",
                 joint=joint,
             )
-        # Let the arm reach for that pose: it gets there, or it stops where it is nearest.
+        # Let the arm reach for what it misses most from there on: it gets there, or it stops where it is nearest.
+        length, oriented = self._tracker.length, len(self._task) == 6
+        far = k + int((run.position_error[k:] / length + oriented * run.orientation_error[k:]).argmax())
         rows, step = 2 * HELD + 1, self.length / INTERVALS
-        held = [np.repeat(a[2 * k : 2 * k + 1], rows, axis=0) for a in (target.position, target.rotation)]
+        held = [np.repeat(a[2 * far : 2 * far + 1], rows, axis=0) for a in (target.position, target.rotation)]
         still = np.zeros((rows, 3))
-        run = self._tracker.track(PoseTarget.sample(lambda _: (*held, still, still), HELD * step, step), q[k])
-        away, turned = float(run.position_error[-1]), float(run.orientation_error[-1])
-        if len(self._task) < 6:
-            turned = 0.0
-        if max(away / self._tracker.length, turned) > 1e-5:
-            return self._refuse(
+        run = self._tracker.track(PoseTarget.sample(lambda _: (*held, still, still), HELD * step, step), q[far])
+        away, turned = float(run.position_error[-1]), oriented * float(run.orientation_error[-1])
+        if max(away / length, turned) > 1e-5:
+            raise self._refuse(
                 s[k],
                 "workspace",
                 f"leaves the workspace: the arm gets no nearer to it than {away:.4g} m and {turned:.4g} rad",
                 "move the path or the base",
                 distance_m=away,
             )
-        return self._singular(s[k], q[k], None)
 
     def _singular(self, station: float, q: Array, speed: float | None) -> PathError:
         J = self._task @ (self.arm.jacobian(q) / np.array([[self._tracker.length]] * 3 + [[1.0]] * 3))

@@ -116,7 +116,7 @@ def test_limit_aware_keeps_what_the_line_speed_exceeds(lee2006: BlendCell) -> No
 
 def test_leaving_the_tube_ends_the_episode_and_never_pays(lee2006: BlendCell) -> None:
     tight = lee2006.config.model_copy(update={"contour_error_max_m": 2e-4})
-    cell = BlendCell.of(tight, lee2006.arm, lee2006.elbow, lee2006.segments)
+    cell = BlendCell.of(tight, lee2006.arm, lee2006.segments)
     env = BlendTrackingEnv(cell, model_error=0.1, record=True)  # at 1 m/s its error is 0.22 mm in the blends
     sums, info = run(env, FULL)
     trace = env.trace
@@ -134,7 +134,7 @@ def test_leaving_the_tube_ends_the_episode_and_never_pays(lee2006: BlendCell) ->
 def test_leaving_is_worse_than_whatever_stays(lee2006: BlendCell, family: FamilyName) -> None:
     """At once, late, or having crept: below every constant rate and below standing still to the end."""
     tiny = lee2006.config.model_copy(update={"contour_error_max_m": 1.22e-4})  # standing: 0.1 mm
-    cell = BlendCell.of(tiny, lee2006.arm, lee2006.elbow, lee2006.segments)
+    cell = BlendCell.of(tiny, lee2006.arm, lee2006.segments)
     env = BlendTrackingEnv(cell, model_error=0.1, family=family)
     left: list[float] = []
     stayed: list[float] = []
