@@ -238,7 +238,7 @@ class PathConfig(_Model):
             if kind != "start_m" and getattr(self, key) is not None:
                 raise ValueError(f"{key}: belongs to start_m, not to {kind}")
         if self.blend is not None and self.blend.curve == "least-time":
-            raise ValueError("blend.curve: 'least-time' needs a line speed; use it in a cell of kind blend")
+            raise ValueError("blend: curve 'least-time' needs a line speed; use it in a cell of kind blend")
         return self
 
 

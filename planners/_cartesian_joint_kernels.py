@@ -276,8 +276,8 @@ def speed_bounds(
 
     bend (S, 3): upper bounds there of |p''|, |w'| and |r''|; null (S, n, spare). With u = q' and A0, u0 those of the
     middle: u - u0 = A0^-1 ((b - b0) - (A - A0) u), and |A - A0| by how far the joints get from the middle, at most
-    half |u|. A guess U of sup |u| for which the right-hand side stays below U is a bound: u, which is continuous, cannot
-    be the first to exceed it. kept: one was found, and no bound exceeds |u0| by more than ``tolerance`` of the largest.
+    half |u|. A guess U of sup |u| for which the right-hand side stays below U is a bound: u, which is continuous,
+    never gets there. kept: one was found, and no bound exceeds |u0| by more than ``tolerance`` of the largest.
     """
     n, m = q.shape[1], task.shape[0]
     w = scratch(n)

@@ -102,7 +102,7 @@ class CartesianJointPath(JointPath):
             # per metre: as stiff as the coarsest step allows, so that Newton is left with little
             IKGains(**dict.fromkeys(("position", "approach", "normal"), STIFF * INTERVALS / self.length)),
             error="quaternion",
-            task=task,  # type: ignore[arg-type]
+            task=task,
             damping=1e-3,
             joint_speed_max=np.full(arm.dof, np.inf),
             posture=first if posture is None else posture,
@@ -215,7 +215,7 @@ class CartesianJointPath(JointPath):
     def _sampled(
         self, low: float, high: float, count: int, start: Array, rate: Array | None
     ) -> tuple[Array, Array, loops.Reference, bool]:
-        """Stations (count + 1,), q and both derivatives there (3, count + 1, n), the reference; is the grid fine enough.
+        """Stations (count + 1,), q and both derivatives there (3, count + 1, n), the reference; was that fine enough.
 
         rate: the slope at the end of the piece before, whose spare part goes on.
         """
@@ -269,8 +269,8 @@ class CartesianJointPath(JointPath):
             raise self._refuse(
                 s[k],
                 "limit",
-                f"breaks the limit of joint {arm.joint_names[joint]!r}: at {q[k, joint]:.4g} it cannot go on, its range is "
-                f"[{arm.position_min[joint]:.4g}, {arm.position_max[joint]:.4g}]",
+                f"breaks the limit of joint {arm.joint_names[joint]!r}: at {q[k, joint]:.4g} it cannot go on, its range "
+                f"is [{arm.position_min[joint]:.4g}, {arm.position_max[joint]:.4g}]",
                 "start in another posture, move the path, or widen limits.position_rad",
                 joint=joint,
             )
@@ -278,9 +278,9 @@ class CartesianJointPath(JointPath):
         length, oriented = self._tracker.length, len(self._task) == 6
         far = k + int((run.position_error[k:] / length + oriented * run.orientation_error[k:]).argmax())
         rows, step = 2 * HELD + 1, self.length / INTERVALS
-        held = [np.repeat(a[2 * far : 2 * far + 1], rows, axis=0) for a in (target.position, target.rotation)]
+        p, R = (np.repeat(a[2 * far : 2 * far + 1], rows, axis=0) for a in (target.position, target.rotation))
         still = np.zeros((rows, 3))
-        run = self._tracker.track(PoseTarget.sample(lambda _: (*held, still, still), HELD * step, step), q[far])
+        run = self._tracker.track(PoseTarget.sample(lambda _: (p, R, still, still), HELD * step, step), q[far])
         away, turned = float(run.position_error[-1]), oriented * float(run.orientation_error[-1])
         if max(away / length, turned) > 1e-5:
             raise self._refuse(

@@ -29,4 +29,4 @@ class RangeMax:
         """The largest of the rows first..last (...,), both counted: (..., columns)."""
         count = last - first + 1
         level = np.log2(count).astype(np.int64)
-        return np.maximum(self._levels[level, first], self._levels[level, last + 1 - 2**level])
+        return np.asarray(np.maximum(self._levels[level, first], self._levels[level, last + 1 - 2**level]))

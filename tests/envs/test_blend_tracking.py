@@ -357,6 +357,40 @@ def test_a_two_link_arm_follows_blended_paths_too(tmp_path: Any) -> None:
     env.close()
 
 
+def test_a_puma_follows_blended_paths_too(tmp_path: Any) -> None:
+    """Any arm whose start posture is given; random paths are drawn for the closed forms only."""
+    import yaml
+
+    from armtempo.planners import load_cell
+
+    file = tmp_path / "mine.yaml"
+    points = [[0.628, 0.3, 0.7], [0.628, 0.35, 0.5], [0.678, 0.0, 0.45]]
+    path = {
+        "start_m": [0.678, 0.0527, 0.7462],
+        "start_rad": [0.3, 0.8, -2.9, 0.2, 1.0, 0.1],
+        "segments": [{"line": {"to_m": point}} for point in points],
+    }
+    data = {
+        "kind": "blend",
+        "name": "mine",
+        "arm": {"name": "puma", "urdf": "puma560.urdf", "path": path},
+        "blend": {"curve": "quintic", "remaining_distance_m": 0.05},
+        "line_speed": {"speed_m_s": 0.25, "acceleration_m_s2": 1.0, "jerk_m_s3": 20.0},
+    }
+    file.write_text(yaml.safe_dump(data))
+    cell = load_cell(file, BlendCell)
+    for physics in ("ideal", "bullet"):
+        for mapping in ("exact", "paper"):
+            env = BlendTrackingEnv(cell, record=True, physics=physics, mapping=mapping)
+            assert run(env, FULL)[1]["is_success"]
+            assert env.trace.contour_error.max() < 1e-6
+            env.close()
+    env = BlendTrackingEnv(cell, family="polyline", physics="ideal")
+    with pytest.raises(PathError, match="random paths are drawn for two-link arms and SCARAs, not for arm 'puma'"):
+        env.reset(seed=0)
+    env.close()
+
+
 def test_contour_errors_are_distances_from_the_path(lee2006: BlendCell) -> None:
     """Against the nearest of many samples, for tips 2.5 to 5 mm off and up to 5 mm behind their reference."""
     from armtempo.envs._tracking_kernels import nearest_station
