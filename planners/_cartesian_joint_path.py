@@ -269,8 +269,8 @@ class CartesianJointPath(JointPath):
             raise self._refuse(
                 s[k],
                 "limit",
-                f"breaks the limit of joint {arm.joint_names[joint]!r}: at {q[k, joint]:.4g} it cannot go on, its range "
-                f"is [{arm.position_min[joint]:.4g}, {arm.position_max[joint]:.4g}]",
+                f"breaks the limit of joint {arm.joint_names[joint]!r}: at {q[k, joint]:.4g} it cannot go on, its "
+                f"range is [{arm.position_min[joint]:.4g}, {arm.position_max[joint]:.4g}]",
                 "start in another posture, move the path, or widen limits.position_rad",
                 joint=joint,
             )
@@ -397,7 +397,11 @@ class CartesianJointPath(JointPath):
         interval = np.searchsorted(self.station, flat, side="left" if before else "right") - 1
         interval = np.clip(interval, 0, len(self.station) - 2)
         rows = None if position is None else np.asarray(position, dtype=np.float64).reshape(-1, 3)
-        return (*given.shape, self.dof), self._follow(self._reference, flat, interval, before, rows)
+        found = self._follow(self._reference, flat, interval, before, rows)
+        if not found[3].max(initial=0.0) <= (100.0 * MIDDLE if position is None else NEAR_START):
+            k = int(found[3].argmax())
+            raise self._refuse(flat[k], "workspace", "is lost", "give a position nearer to the path")
+        return (*given.shape, self.dof), found
 
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Array, Array, Array]:
         """Joint positions [rad, m] and their first and second derivatives by length [m], each (..., n)."""
@@ -405,7 +409,11 @@ class CartesianJointPath(JointPath):
         return q.reshape(shape), dq.reshape(shape), ddq.reshape(shape)
 
     def inverse(self, position: Array, lam: ArrayLike) -> Array:
-        """Joint positions (..., n) with the tip at ``position`` (..., 3) [m], turned as at station ``lam``, near it."""
+        """Joint positions (..., n) with the tip at ``position`` (..., 3) [m], turned as at station ``lam``, near it.
+
+        Raises:
+            PathError: A joint would have to move by more than 0.25 from where it is at that station.
+        """
         shape, (q, _, _, _) = self._at(lam, False, position)
         return q.reshape(shape)
 

@@ -272,6 +272,8 @@ def test_inverse_takes_a_tip_beside_the_path() -> None:
     np.testing.assert_allclose(path.arm.tip_pose(q)[:, :3, 3], beside, atol=1e-13)
     assert np.abs(q - path.evaluate(lam)[0]).max() < 0.01
     assert path.inverse(beside[3], lam[3]).shape == (7,)
+    with pytest.raises(PathError, match="is lost"):
+        path.inverse(beside[3] + 2.0, lam[3])
 
 
 def line(name: str, *steps: tuple[float, float, float]) -> CartesianPath:
