@@ -97,6 +97,7 @@ class CartesianJointPath(JointPath):
         self._poses = as_pose_path(cartesian, arm.tip_pose(first)[:3, :3])
         self.length = float(self._poses.length)
         self.breakpoints = np.array(self._poses.breakpoints, dtype=np.float64)
+        self.breakpoints.setflags(write=False)
         self._tracker = FeedbackIK(
             arm,
             # per metre: as stiff as the coarsest step allows, so that Newton is left with little
@@ -155,16 +156,8 @@ class CartesianJointPath(JointPath):
 
     def _on_start(self, first: Array) -> Array:
         """The start, moved onto the path."""
-        arm, beyond = self.arm, 1e-9
-        out = np.flatnonzero((first < arm.position_min - beyond) | (first > arm.position_max + beyond))
-        if len(out):
-            raise self._refuse(
-                0.0,
-                "limit",
-                f"starts outside the range of joint {arm.joint_names[out[0]]!r}: {first[out[0]]:.4g}",
-                "start inside the limits",
-                joint=int(out[0]),
-            )
+        arm = self.arm
+        self._check_range(first)
         curve = np.zeros((1, 6, self.dof))
         curve[0, 0] = first
         still = loops.Reference(np.array([0.0, self.length]), curve, self._null_space(first[None]))
@@ -180,7 +173,20 @@ class CartesianJointPath(JointPath):
                 f"does not begin at the start posture, whose tip is {away:.4g} m and {turned:.4g} rad from it",
                 "give joint positions that put the tip there",
             )
+        self._check_range(q[0])
         return np.asarray(np.clip(q[0], arm.position_min, arm.position_max))
+
+    def _check_range(self, start: Array) -> None:
+        arm, beyond = self.arm, 1e-9
+        out = np.flatnonzero((start < arm.position_min - beyond) | (start > arm.position_max + beyond))
+        if len(out):
+            raise self._refuse(
+                0.0,
+                "limit",
+                f"starts outside the range of joint {arm.joint_names[out[0]]!r}: {start[out[0]]:.4g}",
+                "start inside the limits",
+                joint=int(out[0]),
+            )
 
     def _null_space(self, q: Array) -> Array:
         """N (K, n, spare) at joints q (K, n)."""

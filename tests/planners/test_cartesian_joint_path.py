@@ -332,6 +332,12 @@ def test_at_a_joints_limit() -> None:
     beyond[3] = -1.8
     with pytest.raises(PathError, match="starts outside the range of joint 'panda_joint4'"):
         CartesianJointPath(narrow, line("panda", (0.1, 0.0, 0.0)), beyond)
+    limits[3] = -1.99, -1.0  # the start is inside, what it is moved to is not
+    inside = np.array(STARTS["panda"])
+    inside[3] = -1.98
+    narrow = Arm.from_urdf(panda.urdf, tip_link=panda.tip_link, position_limits=limits.tolist())
+    with pytest.raises(PathError, match="starts outside the range of joint 'panda_joint4': -2"):
+        CartesianJointPath(narrow, corners("panda", turned=True), inside)
 
 
 def test_the_start_is_moved_onto_the_path_or_refused() -> None:
