@@ -214,9 +214,10 @@ class CartesianJointPath(JointPath):
             curves.append(reference.curve)
             nulls.append(reference.null)
         self.station = np.concatenate(stations)
-        self.station.setflags(write=False)
         self._nodes = np.concatenate(nodes, axis=1)
-        self._reference = loops.Reference(self.station, np.concatenate(curves), np.concatenate(nulls))
+        # Its arrays are writable, all of them, so that the loops are compiled once only.
+        self._reference = loops.Reference(self.station.copy(), np.concatenate(curves), np.concatenate(nulls))
+        self.station.setflags(write=False)
 
     def _sampled(
         self, low: float, high: float, count: int, start: Array, rate: Array | None
@@ -383,9 +384,9 @@ class CartesianJointPath(JointPath):
             self._task,
             reference,
             interval,
-            np.ascontiguousarray(lam),
-            np.ascontiguousarray(poses.position if position is None else position),
-            np.ascontiguousarray(poses.rotation),
+            np.array(lam),
+            np.array(poses.position if position is None else position, order="C"),
+            np.array(poses.rotation, order="C"),
             np.concatenate([poses.tangent, poses.turning], axis=1),
             np.concatenate([poses.curvature, poses.turning_change], axis=1),
             q,
