@@ -186,7 +186,8 @@ def describe_blend(cell: BlendCell) -> dict[str, Any]:
         "physics_tick_s": cell.physics_tick,
         "control_period_s": cell.control_period,
         "robot": str(cell.arm.urdf),
-        "elbow": cell.elbow,
+        "elbow": cell.config.arm.elbow,
+        "start_rad": cell.config.arm.path.start_rad,
         "torque_limit_nm": cell.arm.torque_max,
         "speed_limit_rad_s": cell.arm.speed_max,
         "curve": blend.curve,
@@ -207,9 +208,11 @@ def _show_blend(cell: BlendCell, output: Output) -> None:
     with output.progress(f"Measuring {cell.name}"):
         facts = describe_blend(cell)
     normal = facts["normal_acceleration_limit_m_s2"]
+    elbow = facts["elbow"]
+    branch = f"{cell.arm.dof} joints" if elbow is None else f"elbow {elbow}"
     table = new_table(
         shown(f"{cell.name}: {cell.config.description}"),
-        f"arm {shown(cell.arm.urdf.stem)}, elbow {cell.elbow}; times at line speed {cell.limits.speed:g} m/s",
+        f"arm {shown(cell.arm.urdf.stem)}, {branch}; times at line speed {cell.limits.speed:g} m/s",
     )
     table.add_column("piece", style="bold", no_wrap=True)
     for head in ("length\n\\[mm]", "from\n\\[s]", "to\n\\[s]", "curvature\n\\[1/m]", "normal acc.\n\\[x limit]"):

@@ -154,9 +154,9 @@ class ArcConfig(_Model):
         return self
 
 
-def _exactly_one(model: BaseModel, what: str) -> str:
-    """Name of the one field of ``model`` that is set, of those that default to None."""
-    choices = [name for name, field in type(model).model_fields.items() if field.default is None]
+def _exactly_one(model: BaseModel, what: str, among: tuple[str, ...] = ()) -> str:
+    """Name of the one field of ``model`` that is set, of these, or of those that default to None."""
+    choices = among or [name for name, field in type(model).model_fields.items() if field.default is None]
     given = [name for name in choices if getattr(model, name) is not None]
     if len(given) != 1:
         raise ValueError(f"{what} needs exactly one of {', '.join(choices)}; got {', '.join(given) or 'none'}")
@@ -182,6 +182,32 @@ class SegmentConfig(_Model):
         return geometry
 
 
+class BlendConfig(_Model):
+    """How corners are rounded: all of them alike."""
+
+    curve: Literal["cubic", "quintic", "low-peak", "septic", "least-time"] = "cubic"
+    """Family of the curve: the paper's ``cubic``; the others have no jump of curvature at any corner."""
+    shape_factor: Annotated[Positive, Field(le=4)] = 3.0
+    """End tangents of the cubic in remaining distances, at most 4; at 3 the curvature does not jump between lines."""
+    remaining_distance_m: Positive | None = None
+    """Length that a blend takes off each of its two segments [m]."""
+    tolerance_m: Positive | None = None
+    """Instead: how far the curve passes from the corner [m]."""
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        _exactly_one(self, "a blend")
+        return self
+
+    @model_validator(mode="after")
+    def _fits_the_curve(self) -> Self:
+        if self.curve != "cubic" and self.shape_factor != 3.0:
+            raise ValueError(f"shape_factor: belongs to curve 'cubic', not to {self.curve!r}; drop it")
+        if self.curve == "least-time" and self.tolerance_m is None:
+            raise ValueError("tolerance_m: missing; curve 'least-time' needs it instead of remaining_distance_m")
+        return self
+
+
 class PathConfig(_Model):
     """Where an arm goes: lines and arcs of its working point, or waypoints of its joints."""
 
@@ -193,14 +219,26 @@ class PathConfig(_Model):
     """CSV or JSON file of waypoints, a path from the cell file; columns may be named after the joints."""
     segments: Annotated[tuple[SegmentConfig, ...], Field(min_length=1)] = ()
     """Pieces in order; each begins where the one before ended."""
+    start_rad: Annotated[tuple[Real, ...], Field(min_length=2)] | None = None
+    """Joint positions [rad] (prismatic joints: [m]) at ``start_m``, of any arm, instead of an elbow: how it gets there.
+
+    The tool keeps the orientation that it has there, as far as the arm has the joints for it.
+    """
+    blend: BlendConfig | None = None
+    """How corners of the segments are rounded; null: there are none. Cells of kind blend have it beside the arm."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        kind = _exactly_one(self, "a path")
+        kind = _exactly_one(self, "a path", ("start_m", "waypoints_rad", "waypoints_file"))
         if kind == "start_m" and not self.segments:
             raise ValueError("segments: missing; a path that starts at start_m goes on in lines and arcs")
         if kind != "start_m" and self.segments:
             raise ValueError(f"segments: belong to start_m, not to {kind}")
+        for key in ("start_rad", "blend"):
+            if kind != "start_m" and getattr(self, key) is not None:
+                raise ValueError(f"{key}: belongs to start_m, not to {kind}")
+        if self.blend is not None and self.blend.curve == "least-time":
+            raise ValueError("blend: curve 'least-time' needs a line speed; use it in a cell of kind blend")
         return self
 
 
@@ -258,6 +296,12 @@ class ArmConfig(_Model):
     """Pairs of links that are not looked at for self-collision: those that touch by design."""
     path: PathConfig
     """The given path."""
+
+    @model_validator(mode="after")
+    def _one_posture(self) -> Self:
+        if self.elbow is not None and self.path.start_rad is not None:
+            raise ValueError("elbow: give it or path.start_rad, not both")
+        return self
 
     def over(self, sheet: RobotConfig | None) -> ArmConfig:
         """This arm, and what it leaves open from its robot's data sheet."""
@@ -445,32 +489,6 @@ class CellConfig(_CellFile):
         return self
 
 
-class BlendConfig(_Model):
-    """How corners are rounded: all of them alike."""
-
-    curve: Literal["cubic", "quintic", "low-peak", "septic", "least-time"] = "cubic"
-    """Family of the curve: the paper's ``cubic``; the others have no jump of curvature at any corner."""
-    shape_factor: Annotated[Positive, Field(le=4)] = 3.0
-    """End tangents of the cubic in remaining distances, at most 4; at 3 the curvature does not jump between lines."""
-    remaining_distance_m: Positive | None = None
-    """Length that a blend takes off each of its two segments [m]."""
-    tolerance_m: Positive | None = None
-    """Instead: how far the curve passes from the corner [m]."""
-
-    @model_validator(mode="after")
-    def _one_size(self) -> Self:
-        _exactly_one(self, "a blend")
-        return self
-
-    @model_validator(mode="after")
-    def _fits_the_curve(self) -> Self:
-        if self.curve != "cubic" and self.shape_factor != 3.0:
-            raise ValueError(f"shape_factor: belongs to curve 'cubic', not to {self.curve!r}; drop it")
-        if self.curve == "least-time" and self.tolerance_m is None:
-            raise ValueError("tolerance_m: missing; curve 'least-time' needs it instead of remaining_distance_m")
-        return self
-
-
 class LineSpeedConfig(_Model):
     """How fast the tip may go along its path."""
 
@@ -523,9 +541,14 @@ class BlendCellConfig(_CellFile):
         return self
 
     @model_validator(mode="after")
-    def _has_an_elbow(self) -> Self:
-        if self.arm.elbow is None:
-            raise ValueError("arm: its elbow is missing: positive or negative; two links reach every point in two ways")
+    def _has_a_posture(self) -> Self:
+        if self.arm.elbow is None and self.arm.path.start_rad is None:
+            raise ValueError(
+                "arm: its elbow is missing: positive or negative, of a two-link arm or a SCARA; "
+                "or give path.start_rad: joint positions at start_m"
+            )
+        if self.arm.path.blend is not None:
+            raise ValueError("arm: its path has a blend of its own; give it beside the arm only")
         return self
 
     @model_validator(mode="after")

@@ -57,7 +57,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         cell: Name of a bundled cell of kind blend, a cell file, or a built ``BlendCell``.
         profile: ``line-speed``: the paper's, limits along the path only; ``limit-aware``: also across it.
         mapping: From travelled length to the path: ``exact``, or the ``paper``'s predictor-corrector.
-        family: ``given`` path, or random ones: ``polyline``, ``zigzag``, ``line-arc``.
+        family: ``given`` path, or random ones: ``polyline``, ``zigzag``, ``line-arc`` (two-link arms and SCARAs).
         physics: ``bullet`` or ``ideal`` (always on the reference).
         model_error: The simulated bodies are heavier by this share than the controller believes (``bullet`` only).
             0: it knows the arm exactly, and errors are those of the reference and of torques at their limits.

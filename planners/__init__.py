@@ -16,6 +16,7 @@ from armtempo.planners._blend_kernels import PackedPath, blended_point
 from armtempo.planners._blend_least_time import passing_cost
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._build_cell import build_cell, load_cell
+from armtempo.planners._cartesian_joint_path import CartesianJointPath
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._cell_generator import FAMILIES, CellLabels, GeneratedCell, cell_name, generate_cell, label_cell
@@ -40,6 +41,7 @@ from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_pat
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._pose_path import PosePath, Poses, TipPosePath
 from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._precedence import Precedence, precedence
 from armtempo.planners._scara_path import ScaraPath
@@ -70,6 +72,7 @@ __all__ = [
     "Blend",
     "BlendCell",
     "BlendedPath",
+    "CartesianJointPath",
     "CartesianPath",
     "Cell",
     "CellLabels",
@@ -111,7 +114,9 @@ __all__ = [
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
+    "PosePath",
     "PoseTarget",
+    "Poses",
     "Precedence",
     "PredictorCorrector",
     "PriorityClass",
@@ -124,6 +129,7 @@ __all__ = [
     "Segment",
     "SphericalWristIK",
     "TimingProblem",
+    "TipPosePath",
     "TwoLinkPath",
     "VciExecution",
     "VciPlan",

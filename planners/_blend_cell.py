@@ -10,10 +10,10 @@ from typing import Literal, final, get_args
 from armtempo.configs import BlendCellConfig, change_blend
 from armtempo.errors import UnknownNameError
 from armtempo.planners._blended_path import BlendedPath
+from armtempo.planners._cartesian_joint_path import CartesianJointPath
 from armtempo.planners._cartesian_path import Arc, Line
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._line_speed import LineSpeedLimits, LineSpeedProfile
-from armtempo.planners._planar_pair import Elbow
 from armtempo.planners._scara_path import ScaraPath
 from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.robots import Arm, Shape
@@ -31,7 +31,6 @@ class BlendCell:
         name: The cell's name.
         config: What it was built from; a ``variant`` has other corners or another path.
         arm: The arm.
-        elbow: Its branch.
         segments: Lines and arcs that meet in corners.
         blended: The same with the corners rounded.
         path: The arm's joints along it.
@@ -40,14 +39,13 @@ class BlendCell:
     name: str
     config: BlendCellConfig
     arm: Arm
-    elbow: Elbow
     segments: tuple[Line | Arc, ...]
     blended: BlendedPath
-    path: TwoLinkPath | ScaraPath
+    path: TwoLinkPath | ScaraPath | CartesianJointPath
 
     @classmethod
-    def of(cls, config: BlendCellConfig, arm: Arm, elbow: Elbow, segments: Sequence[Line | Arc]) -> BlendCell:
-        """Blend the segments as ``config`` says and find the joints along them.
+    def of(cls, config: BlendCellConfig, arm: Arm, segments: Sequence[Line | Arc]) -> BlendCell:
+        """Blend the segments as ``config`` says and find the joints along them: its elbow or its start chooses them.
 
         Raises:
             PathError: A corner cannot be blended, or the arm cannot follow.
@@ -61,12 +59,11 @@ class BlendCell:
             curve=blend.curve,
             limits=_given_limits(config),
         )
-        path = TwoLinkPath(arm, blended, elbow) if arm.dof == 2 else ScaraPath(arm, blended, elbow)
+        path = JointPath.along(blended, arm, elbow=config.arm.elbow, start=config.arm.path.start_rad)
         return cls(
             name=config.name,
             config=config,
             arm=arm,
-            elbow=elbow,
             segments=tuple(segments),
             blended=blended,
             path=path,
@@ -98,7 +95,7 @@ class BlendCell:
         config = change_blend(
             self.config, curve=curve, shape_factor=shape_factor, remaining_distance_m=remaining_distance
         )
-        return self.of(config, self.arm, self.elbow, self.segments if segments is None else segments)
+        return self.of(config, self.arm, self.segments if segments is None else segments)
 
     @property
     def arms(self) -> tuple[Arm]:

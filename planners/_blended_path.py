@@ -56,6 +56,7 @@ class BlendedPath:
         continuity: (K - 1,) order of geometric continuity at the interior ones: 1 tangent, 2 curvature, 3 its slope.
         deviation: (n - 1,) distance of each vertex from its blend [m], 0 where nothing is blended.
         remaining: (n - 1, 2) remaining distances [m], 0 where nothing is blended.
+        oriented: Whether an orientation was given.
         packed: The path in arrays, for ``blended_point``.
 
     Raises:
@@ -69,6 +70,7 @@ class BlendedPath:
     continuity: Ints
     deviation: Array
     remaining: Array
+    oriented: bool
     packed: PackedPath
 
     def __init__(
@@ -165,6 +167,7 @@ class BlendedPath:
         self._pieces: tuple[Line | Arc | Blend, ...] | None = None
 
     def _turn(self, orientation: ArrayLike | None) -> None:
+        self.oriented = orientation is not None
         given = floats([0.0, 0.0, 0.0, 1.0] if orientation is None else orientation, "orientation")
         if given.shape == (4,):
             given = np.stack([given, given])

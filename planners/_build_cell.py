@@ -22,16 +22,15 @@ from armtempo.configs import (
     resolve_file,
     robot_config,
 )
-from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError
+from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError
 from armtempo.planners._blend_cell import BlendCell
+from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._path_certificate import check_path
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import refined_plane
-from armtempo.planners._planar_pair import Elbow
-from armtempo.planners._two_link_path import TwoLinkPath
 from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 
 Array = NDArray[np.float64]
@@ -78,7 +77,7 @@ def _build_blend_cell(config: BlendCellConfig) -> BlendCell:
     try:
         arm = _build_arm(config, config.arm)
         place += ".path"
-        cell = BlendCell.of(config, arm, _elbow(config.arm), _build_segments(config.arm))
+        cell = BlendCell.of(config, arm, _build_segments(config.arm))
         check_path(Clearance([arm], ()), 0, arm, cell.path)
         _check_holding(arm, cell)
     except ConfigError:
@@ -90,7 +89,7 @@ def _build_blend_cell(config: BlendCellConfig) -> BlendCell:
 
 def _check_holding(arm: Arm, cell: BlendCell) -> None:
     """Raise InfeasibleError where the drives cannot hold the arm at rest on its path."""
-    station = cell.path.pair.station
+    station = cell.path.station
     q = cell.path.evaluate(station)[0]
     rest = np.zeros_like(q)
     share = np.abs(arm.inverse_dynamics(q, rest, rest)) / arm.torque_max
@@ -217,13 +216,29 @@ def _build_path(arm: Arm, cell: CellConfig, config: ArmConfig) -> JointPath:
         return JointPath.through(given.waypoints_rad, arm=arm)
     if given.waypoints_file is not None:
         return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm)
-    if arm.dof != 2:
-        raise PathError(
-            f"lines and arcs need a two-link arm in this version, and arm {arm.name!r} has {arm.dof} joints",
-            remedy="give waypoints_rad: joint positions that the path goes through",
+    if config.elbow is None and given.start_rad is None:
+        raise ConfigError(
+            f"{cell.source}: path.start_rad: arm {arm.name!r} reaches the points of its path in several postures, and "
+            "none is chosen",
+            remedy="give path.start_rad: joint positions at start_m; or elbow, of a two-link arm or a SCARA",
+            file=str(cell.source),
+            key="path.start_rad",
+            value=None,
         )
     segments = _build_segments(config)
-    return TwoLinkPath(arm, CartesianPath(segments), _elbow(config))
+    cartesian: CartesianPath | BlendedPath
+    if given.blend is None:
+        cartesian = CartesianPath(segments)
+    else:
+        blend = given.blend
+        cartesian = BlendedPath(
+            segments,
+            blend.remaining_distance_m,
+            shape_factor=blend.shape_factor,
+            tolerance=blend.tolerance_m,
+            curve=blend.curve,
+        )
+    return JointPath.along(cartesian, arm, elbow=config.elbow, start=given.start_rad)
 
 
 def _build_segments(config: ArmConfig) -> list[Line | Arc]:
@@ -236,14 +251,6 @@ def _build_segments(config: ArmConfig) -> list[Line | Arc]:
             raise error.at(f"segments[{k}]") from error
         start = segments[-1].end
     return segments
-
-
-def _elbow(config: ArmConfig) -> Elbow:
-    if config.elbow is None:
-        raise PathError(
-            "elbow is missing: two links reach every point in two ways", remedy="give elbow: positive or negative"
-        )
-    return config.elbow
 
 
 def _build_obstacle(config: CellConfig, obstacle: ObstacleConfig) -> Shape:

@@ -11,12 +11,20 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armtempo.errors import InputError
 from armtempo.robots import Arm, njit
+
+if TYPE_CHECKING:  # they are joint paths themselves
+    from armtempo.planners._cartesian_joint_path import CartesianJointPath
+    from armtempo.planners._planar_pair import Elbow
+    from armtempo.planners._pose_path import PosePath, TipSegments
+    from armtempo.planners._scara_path import ScaraPath
+    from armtempo.planners._two_link_path import TwoLinkPath
 
 Array = NDArray[np.float64]
 
@@ -104,6 +112,52 @@ class JointPath(ABC):
 
         waypoints = read_waypoints(Path(file), None if arm is None else arm.joint_names)
         return JointPath.through(waypoints, arm=arm, ends=ends, spacing=spacing)
+
+    @staticmethod
+    def along(
+        cartesian: TipSegments | PosePath,
+        arm: Arm,
+        *,
+        elbow: Elbow | None = None,
+        start: ArrayLike | None = None,
+    ) -> TwoLinkPath | ScaraPath | CartesianJointPath:
+        """The joints of an arm whose tip follows a Cartesian path; give ``elbow`` or ``start``, whichever fits the arm.
+
+        Args:
+            cartesian: A line, an arc, a chain of them, or a path with blended corners; with ``start`` any ``PosePath``.
+            arm: Any serial arm.
+            elbow: ``positive`` or ``negative``, of two-link arms and SCARAs: their closed form.
+            start: (n,) joint positions at the path's start [rad or m], of any arm: see ``CartesianJointPath``.
+
+        Raises:
+            InputError: Both of the two, or none; no path; a wrong shape.
+            UnknownNameError: No such elbow.
+            PathError: The arm cannot follow: out of its reach, near a singularity, beyond a joint's limit; the message
+                names the station.
+        """
+        if (elbow is None) == (start is None):
+            raise InputError(
+                f"a path of arm {arm.name!r} needs its elbow or its start posture, one of the two",
+                remedy="give elbow (two-link arms and SCARAs), or start: joint positions at the start of the path",
+            )
+        if elbow is None:
+            from armtempo.planners._cartesian_joint_path import CartesianJointPath
+
+            assert start is not None
+            return CartesianJointPath(arm, cartesian, start)
+        from armtempo.planners._blended_path import BlendedPath
+        from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
+        from armtempo.planners._scara_path import ScaraPath
+        from armtempo.planners._two_link_path import TwoLinkPath
+
+        if isinstance(cartesian, Line | Arc):
+            cartesian = CartesianPath([cartesian])
+        if not isinstance(cartesian, CartesianPath | BlendedPath):
+            raise InputError(
+                f"closed forms are for lines, arcs and blended paths, not for a {type(cartesian).__name__}",
+                remedy="give start instead of elbow",
+            )
+        return TwoLinkPath(arm, cartesian, elbow) if arm.dof == 2 else ScaraPath(arm, cartesian, elbow)
 
     def table(self, pieces: int = 2048) -> PathTable:
         """Samples for numba kernels; breakpoints are stations."""

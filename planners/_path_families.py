@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from armtempo.configs import change_blend
 from armtempo.errors import PathError, UnknownNameError
 from armtempo.planners._blend_cell import BlendCell
+from armtempo.planners._cartesian_joint_path import CartesianJointPath
 from armtempo.planners._cartesian_path import Arc, Line
 from armtempo.planners._motion_demand import MotionDemand, motion_demand
+from armtempo.planners._planar_pair import PlanarPair
 
 Array = NDArray[np.float64]
 FamilyName = Literal["given", "polyline", "zigzag", "line-arc"]
@@ -57,7 +59,7 @@ def draw_path(
     Raises:
         UnknownNameError: No such family.
         ConfigError: A value that a cell file could not have.
-        PathError: None of 1000 draws can be blended and followed.
+        PathError: The arm is no two-link arm and no SCARA; none of 1000 draws can be blended and followed.
     """
     if family not in PATH_FAMILIES:
         raise UnknownNameError("family of paths", str(family), PATH_FAMILIES)
@@ -94,6 +96,17 @@ def draw_path(
     )
 
 
+def _pair(cell: BlendCell) -> PlanarPair:
+    """What the arm sweeps its ring with."""
+    if isinstance(cell.path, CartesianJointPath):
+        raise PathError(
+            f"random paths are drawn for two-link arms and SCARAs, not for arm {cell.arm.name!r}",
+            remedy="use the family 'given'",
+            arm=cell.arm.name,
+        )
+    return cell.path.pair
+
+
 def _demand(cell: BlendCell) -> MotionDemand:
     """What its line-speed profile asks for at full rate."""
     profile = cell.line_speed
@@ -112,7 +125,7 @@ def _fits(cell: BlendCell, load: float) -> bool:
 
 def _ring(cell: BlendCell) -> tuple[Array, Array]:
     """Lowest and highest distance, angle and height of the given path."""
-    polar = cell.path.pair.polar(cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES)))
+    polar = _pair(cell).polar(cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES)))
     polar[:, 1] = np.unwrap(polar[:, 1])
     return polar.min(axis=0), polar.max(axis=0)
 
@@ -124,7 +137,7 @@ def _inside(cell: BlendCell, ring: tuple[Array, Array], points: Array) -> bool:
 
 def _each_inside(cell: BlendCell, ring: tuple[Array, Array], points: Array) -> NDArray[np.bool_]:
     low, high = ring
-    polar = cell.path.pair.polar(points)
+    polar = _pair(cell).polar(points)
     middle = 0.5 * (low[1] + high[1])
     polar[:, 1] = middle + (polar[:, 1] - middle + np.pi) % (2.0 * np.pi) - np.pi
     return np.asarray(((polar >= low - 1e-9) & (polar <= high + 1e-9)).all(axis=1))
@@ -147,7 +160,7 @@ def _unit(cell: BlendCell) -> float:
 
 def _headings(cell: BlendCell, heading: Array | float) -> Array:
     """Unit vectors (..., 3) in the plane of motion."""
-    pair = cell.path.pair
+    pair = _pair(cell)
     angle = np.asarray(heading)
     here = np.stack([np.ones_like(angle), angle, np.zeros_like(angle)], axis=-1)
     step: Array = pair.point(here) - pair.point(here * np.array([0.0, 1.0, 1.0]))
@@ -159,7 +172,7 @@ def _walk(cell: BlendCell, random: np.random.Generator, ring: tuple[Array, Array
 
     A walk that has got stuck ends early or outside, and is refused later.
     """
-    pair, (low, high), unit = cell.path.pair, ring, _unit(cell)
+    pair, (low, high), unit = _pair(cell), ring, _unit(cell)
     count = int(random.integers(4, 8 if family == "polyline" else 7))
     points = [pair.point(random.uniform(low, high))]
     heading = random.uniform(-np.pi, np.pi)
@@ -177,7 +190,7 @@ def _walk(cell: BlendCell, random: np.random.Generator, ring: tuple[Array, Array
 
 def _zigzag(cell: BlendCell, random: np.random.Generator, ring: tuple[Array, Array]) -> Array:
     """4 to 8 sides of one length that turn to and fro, at one height, as many as fit between two places in the ring."""
-    pair = cell.path.pair
+    pair = _pair(cell)
     ends = random.uniform(*ring, (2, 3))
     ends[1, 2] = ends[0, 2]
     start, way = pair.point(ends[0]), pair.point(ends[1]) - pair.point(ends[0])
@@ -201,6 +214,6 @@ def _segments(cell: BlendCell, points: Array, family: str, random: np.random.Gen
             continue
         bulge = float(random.uniform(0.04, 0.15)) * float(random.choice([-1.0, 1.0]))
         side = end - start
-        across = np.cross(cell.path.pair.axis, side)
+        across = np.cross(_pair(cell).axis, side)
         segments.append(Arc.through(start, 0.5 * (start + end) + bulge * across, end))
     return segments

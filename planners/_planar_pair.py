@@ -291,7 +291,7 @@ def _refuse_positions(arm: Arm, station: Array, q: Array) -> None:
             f"path of arm {arm.name!r} breaks the limit of joint {arm.joint_names[joint]!r} at station "
             f"{station[k]:.4g} m: {q[k, joint]:.4g} {unit} is outside [{arm.position_min[joint]:.4g}, "
             f"{arm.position_max[joint]:.4g}]",
-            remedy="move the path, take the other elbow, or widen limits.position_rad",
+            remedy="move the path, start in another posture (the other elbow), or widen limits.position_rad",
             arm=arm.name,
             station=float(station[k]),
             joint=int(joint),

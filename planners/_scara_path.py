@@ -38,6 +38,7 @@ class ScaraPath(JointPath):
         elbow: The sign of the elbow's angle, about its own axis, away from the stretched arm.
 
     Attributes:
+        station: (K,) samples between which no joint turns far [m].
         pair: The algebra of shoulder and elbow.
 
     Raises:
@@ -55,6 +56,7 @@ class ScaraPath(JointPath):
         self._measure()
         self.pair = PlanarPair(arm, cartesian, elbow)
         self.pair.settle()
+        self.station = self.pair.station
         self._yaw, self._yaw_rate = 0.0, self._turning()
         wrist = self.evaluate(self.pair.station)[0][:, self._wrist]
         turns = whole_turns(arm, self._wrist, wrist - wrist[0])

@@ -25,6 +25,7 @@ class TwoLinkPath(JointPath):
         elbow: The sign of the elbow's angle, about its own axis, away from the stretched arm.
 
     Attributes:
+        station: (K,) samples between which no joint turns far [m].
         pair: The algebra of the two links.
 
     Raises:
@@ -47,6 +48,7 @@ class TwoLinkPath(JointPath):
         self.pair = PlanarPair(arm, cartesian, elbow)
         self._check_plane()
         self.pair.settle()
+        self.station = self.pair.station
         check_position_limits(arm, self, self.pair.station)
 
     def _check_plane(self) -> None:

@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.errors import InputError, PathError
 from armtempo.planners._joint_path import JointPath
+from armtempo.planners._range_max import RangeMax
 from armtempo.robots import Arm, njit
 
 Array = NDArray[np.float64]
@@ -114,22 +115,14 @@ class WaypointPath(JointPath):
             first = np.searchsorted(station, low, side="left")
             count = np.searchsorted(station, high, side="right") - first
             inside = count > 0
-            level = np.log2(np.maximum(count, 1)).astype(np.int64)
-            start = np.where(inside, first, 0)
-            most = np.maximum(largest[level, start], largest[level, np.where(inside, first + count - 2**level, 0)])
+            most = largest.over(np.where(inside, first, 0), np.where(inside, first + count - 1, 0))[..., 0]
             bound[..., joint] = np.maximum(bound[..., joint], np.where(inside, most, 0.0))
         return bound * (1.0 + ROUNDING) + ROUNDING
 
-    def _peaks_of(self, joint: int) -> tuple[Array, Array]:
-        """Stations where ``|f'|`` of a joint may peak; row k of the other: the largest of 2^k neighbours from there."""
+    def _peaks_of(self, joint: int) -> tuple[Array, RangeMax]:
+        """Stations where ``|f'|`` of a joint may peak, and how high."""
         station = np.union1d(self.breakpoints, _zeros(self._bend, joint))
-        rows = [np.abs(self._speed(station)[:, joint])]
-        while 2 ** len(rows) <= len(station):
-            shift = 2 ** (len(rows) - 1)
-            row = rows[-1].copy()
-            row[:-shift] = np.maximum(row[:-shift], row[shift:])
-            rows.append(row)
-        return station, np.array(rows)
+        return station, RangeMax(np.abs(self._speed(station)[:, joint, None]))
 
     def _check_positions(self, arm: Arm) -> None:
         for joint in range(self.dof):

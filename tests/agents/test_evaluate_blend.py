@@ -125,7 +125,7 @@ def test_wrong_requests_are_refused(lee1991: Cell, lee2006: BlendCell) -> None:
 def test_plans_and_arrivals_are_of_the_same_episodes(lee2006: BlendCell) -> None:
     """Heavier bodies in a narrow tube: full rate leaves it on the given path and arrives nowhere."""
     narrow = lee2006.config.model_copy(update={"contour_error_max_m": 1.5e-4})
-    cell = BlendCell.of(narrow, lee2006.arm, lee2006.elbow, lee2006.segments)
+    cell = BlendCell.of(narrow, lee2006.arm, lee2006.segments)
     none = evaluate(cell, ("line-speed",), model_error=0.1).results["line-speed"]
     assert (none.finished, none.plan_duration_s, none.duration_s) == (0, None, None)
     some = evaluate_blend(cell, ("line-speed",), family="zigzag", episodes=4, model_error=0.1).results["line-speed"]

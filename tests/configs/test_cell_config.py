@@ -432,6 +432,11 @@ def test_names_of_cells_may_have_hyphens(tmp_path: Path) -> None:
             "arms[0].path.segments",
             "belong to start_m, not to waypoints_rad",
         ),
+        (
+            {"waypoints_rad": [[0, 1], [1, 0]], "start_rad": [0, 1]},
+            "arms[0].path.start_rad",
+            "belongs to start_m, not to waypoints_rad",
+        ),
         ({"waypoints_rad": [[0, 1]]}, "arms[0].path.waypoints_rad", "must have at least 2 items"),
         ({"waypoints_rad": [[0, "1"], [1, 0]]}, "arms[0].path.waypoints_rad[0][1]", "must be a number"),
     ],
@@ -564,6 +569,21 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
             "its path must be given by start_m and segments",
         ),
         (lambda data: data["arm"].pop("elbow"), "arm", "its elbow is missing: positive or negative"),
+        (
+            lambda data: data["arm"]["path"].update(start_rad=[0, 1, 0, 0]),
+            "arm.elbow",
+            "give it or path.start_rad, not both",
+        ),
+        (
+            lambda data: data["arm"]["path"].update(blend={"tolerance_m": 0.01}),
+            "arm",
+            "its path has a blend of its own",
+        ),
+        (
+            lambda data: data["arm"]["path"].update(blend={"tolerance_m": 0.01, "curve": "least-time"}),
+            "arm.path.blend",
+            "curve 'least-time' needs a line speed",
+        ),
     ],
 )
 def test_blend_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:

@@ -116,7 +116,7 @@ def test_limit_aware_keeps_what_the_line_speed_exceeds(lee2006: BlendCell) -> No
 
 def test_leaving_the_tube_ends_the_episode_and_never_pays(lee2006: BlendCell) -> None:
     tight = lee2006.config.model_copy(update={"contour_error_max_m": 2e-4})
-    cell = BlendCell.of(tight, lee2006.arm, lee2006.elbow, lee2006.segments)
+    cell = BlendCell.of(tight, lee2006.arm, lee2006.segments)
     env = BlendTrackingEnv(cell, model_error=0.1, record=True)  # at 1 m/s its error is 0.22 mm in the blends
     sums, info = run(env, FULL)
     trace = env.trace
@@ -134,7 +134,7 @@ def test_leaving_the_tube_ends_the_episode_and_never_pays(lee2006: BlendCell) ->
 def test_leaving_is_worse_than_whatever_stays(lee2006: BlendCell, family: FamilyName) -> None:
     """At once, late, or having crept: below every constant rate and below standing still to the end."""
     tiny = lee2006.config.model_copy(update={"contour_error_max_m": 1.22e-4})  # standing: 0.1 mm
-    cell = BlendCell.of(tiny, lee2006.arm, lee2006.elbow, lee2006.segments)
+    cell = BlendCell.of(tiny, lee2006.arm, lee2006.segments)
     env = BlendTrackingEnv(cell, model_error=0.1, family=family)
     left: list[float] = []
     stayed: list[float] = []
@@ -354,6 +354,40 @@ def test_a_two_link_arm_follows_blended_paths_too(tmp_path: Any) -> None:
     env = BlendTrackingEnv(cell, record=True)
     assert run(env, FULL)[1]["is_success"]
     assert env.trace.contour_error.max() < 1e-7
+    env.close()
+
+
+def test_a_puma_follows_blended_paths_too(tmp_path: Any) -> None:
+    """Any arm whose start posture is given; random paths are drawn for the closed forms only."""
+    import yaml
+
+    from armtempo.planners import load_cell
+
+    file = tmp_path / "mine.yaml"
+    points = [[0.628, 0.3, 0.7], [0.628, 0.35, 0.5], [0.678, 0.0, 0.45]]
+    path = {
+        "start_m": [0.678, 0.0527, 0.7462],
+        "start_rad": [0.3, 0.8, -2.9, 0.2, 1.0, 0.1],
+        "segments": [{"line": {"to_m": point}} for point in points],
+    }
+    data = {
+        "kind": "blend",
+        "name": "mine",
+        "arm": {"name": "puma", "urdf": "puma560.urdf", "path": path},
+        "blend": {"curve": "quintic", "remaining_distance_m": 0.05},
+        "line_speed": {"speed_m_s": 0.25, "acceleration_m_s2": 1.0, "jerk_m_s3": 20.0},
+    }
+    file.write_text(yaml.safe_dump(data))
+    cell = load_cell(file, BlendCell)
+    for physics in ("ideal", "bullet"):
+        for mapping in ("exact", "paper"):
+            env = BlendTrackingEnv(cell, record=True, physics=physics, mapping=mapping)
+            assert run(env, FULL)[1]["is_success"]
+            assert env.trace.contour_error.max() < 1e-6
+            env.close()
+    env = BlendTrackingEnv(cell, family="polyline", physics="ideal")
+    with pytest.raises(PathError, match="random paths are drawn for two-link arms and SCARAs, not for arm 'puma'"):
+        env.reset(seed=0)
     env.close()
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from armtempo.configs import data_path
 from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError, UnknownNameError
-from armtempo.planners import METHODS, Cell, build_cell, load_cell, schedule
+from armtempo.planners import METHODS, BlendedPath, CartesianJointPath, Cell, build_cell, load_cell, schedule
 
 Cells = Callable[..., Path]
 Change = Callable[[dict[str, Any]], object]
@@ -265,18 +265,47 @@ def test_the_bound_does_not_hang_on_the_cells_own_grid(write_cell: Cells) -> Non
         assert schedule(coarse, method).certificate.torque_ratio_max <= 1 + 1e-3
 
 
-def test_a_two_link_arm_needs_its_elbow(write_cell: Cells) -> None:
-    with pytest.raises(PathError, match=r"arms\[0\].path.*elbow is missing.*positive or negative"):
+def test_an_arm_needs_its_elbow_or_its_start(write_cell: Cells) -> None:
+    with pytest.raises(
+        ConfigError, match=r"path.start_rad: arm 'master' reaches .* none is chosen \(give path.start_rad"
+    ):
         load_cell(write_cell(lambda data: data["arms"][0].pop("elbow")))
 
 
-def test_lines_are_for_two_link_arms(write_cell: Cells) -> None:
+def test_the_elbow_of_another_arm(write_cell: Cells) -> None:
     def swap(data: dict[str, Any]) -> None:
         arm(data).update(urdf="pybullet_data/franka_panda/panda.urdf", limits={})
-        del arm(data)["elbow"], arm(data)["tip_link"]
+        del arm(data)["tip_link"]
 
-    with pytest.raises(PathError, match=r"arms\[0\].path.*lines and arcs need a two-link arm.*waypoints_rad"):
+    with pytest.raises(PathError, match=r"arms\[0\].path: arm 'master' is no SCARA"):
         load_cell(write_cell(swap))
+
+
+def test_any_arm_follows_lines_with_blended_corners(write_cell: Cells) -> None:
+    """A Panda beside the paper's slave: from its start posture along two lines, the corner rounded."""
+
+    def swap(data: dict[str, Any]) -> None:
+        master = arm(data)
+        del master["elbow"], master["tip_link"], master["limits"]
+        master.update(urdf="pybullet_data/franka_panda/panda.urdf", base={"position_m": [-2.0, 0.0, 0.0]})
+        master["path"] = {
+            "start_m": [-1.446, 0.0, 0.3522],
+            "start_rad": [0.0, 0.0, 0.0, -2.0, 0.0, 2.0, 0.785],
+            "segments": [{"line": {"to_m": [-1.45, 0.1, 0.35]}}, {"line": {"to_m": [-1.45, 0.1, 0.25]}}],
+            "blend": {"curve": "quintic", "remaining_distance_m": 0.03},
+        }
+        data.update(stations=200, chart_tolerance_m=0.01)
+
+    cell = load_cell(write_cell(swap))
+    path = cell.paths[0]
+    assert isinstance(path, CartesianJointPath)
+    assert isinstance(path.cartesian, BlendedPath)
+    lam = np.linspace(0.0, path.length, 50)
+    np.testing.assert_allclose(
+        cell.arms[0].tip_pose(path.evaluate(lam)[0])[:, :3, 3], path.cartesian.position(lam), atol=1e-12
+    )
+    assert cell.fastest[0].certificate.excess <= 1e-3
+    assert cell.priority_class == "free"
 
 
 def test_a_cell_travels_to_other_processes(lee1991: Cell) -> None:
