@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from armtempo.envs._bullet import pybullet
 from armtempo.envs._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, IKCell
 from armtempo.robots import Shape
 
 Array = NDArray[np.float64]
@@ -27,6 +27,7 @@ HARDWARE = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
 GREY = (0.6, 0.6, 0.6, 1.0)
 BEADS = 40  # per path
+AXIS = 0.15  # [m] of a target
 TILT = 0.35  # [rad] of the view from straight down
 VIEW_DEG = 40.0  # vertical
 BORDER = 0.12  # of the picture, free around the arms
@@ -70,7 +71,7 @@ class Renderer:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: Cell | BlendCell, mode: str) -> None:
+    def __init__(self, cell: Cell | BlendCell | IKCell, mode: str) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",
@@ -82,11 +83,11 @@ class Renderer:
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
         tips, points = [], [arm.T_world_base[:3, 3] for arm in cell.arms]
-        for arm, path in zip(cell.arms, cell.paths, strict=True):
-            q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
-            tips.append(arm.tip_pose(q)[:, :3, 3])
-            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *tips[-1]]
+        for arm, (q, beads) in zip(cell.arms, _sweeps(cell), strict=True):
+            tips.append(beads)
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
         self._paint(tips)
+        self._axes = self._draw_axes() if isinstance(cell, IKCell) else []
         for obstacle in cell.obstacles:
             self._stand(obstacle)
         self._aim(np.array(points))
@@ -106,6 +107,26 @@ class Renderer:
                 baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=beads.tolist(), basePosition=beads[0].tolist(),
                 physicsClientId=client,
             )  # fmt: skip
+
+    def _draw_axes(self) -> list[int]:
+        """Three rods for the axes of a target: red, green, blue for its x, y, z."""
+        client, rods = self._scene.client, []
+        for k in range(3):
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER, radius=0.006, length=AXIS,
+                visualFramePosition=[0.0, 0.0, 0.5 * AXIS], rgbaColor=[*(0.8 * np.eye(3)[k]), 1.0],
+                physicsClientId=client,
+            )  # fmt: skip
+            rods.append(pybullet.createMultiBody(baseMass=0.0, baseVisualShapeIndex=shape, physicsClientId=client))
+        return rods
+
+    def show_target(self, position: Array, rotation: Array) -> None:
+        """Put the target's axes at a pose: (3,) [m], (3, 3)."""
+        for k, rod in enumerate(self._axes):  # each rod lies along its own z
+            turned = np.roll(rotation, 2 - k, axis=1)
+            pybullet.resetBasePositionAndOrientation(
+                rod, position.tolist(), quat_xyzw(turned), physicsClientId=self._scene.client
+            )
 
     def _stand(self, obstacle: Shape) -> None:
         """An obstacle, in grey."""
@@ -171,6 +192,18 @@ class Renderer:
     def close(self) -> None:
         """Close window and client; may be called twice."""
         self._scene.close()
+
+
+def _sweeps(cell: Cell | BlendCell | IKCell) -> list[tuple[Array, Array]]:
+    """Of every arm: postures (BEADS, n) that it comes by, and points (BEADS, 3) that its tip is to come by."""
+    if isinstance(cell, IKCell):
+        rows = np.linspace(0, cell.ticks, BEADS).round().astype(int)
+        return [(cell.nominal.q[rows], cell.target.position[2 * rows])]
+    sweeps = []
+    for arm, path in zip(cell.arms, cell.paths, strict=True):
+        q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
+        sweeps.append((q, arm.tip_pose(q)[:, :3, 3]))
+    return sweeps
 
 
 def render_modes() -> list[str]:
