@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -123,10 +123,9 @@ def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> A
             value=None,
         )
     if "kind" in data and (not isinstance(said, str) or said not in _KINDS):
-        kinds = " or ".join(map(repr, _KINDS))
         raise ConfigError(
-            f"{source}: kind: must be {kinds}, got {_shown(said)}",
-            remedy=f"use kind: {' or '.join(_KINDS)}",
+            f"{source}: kind: must be {_either(map(repr, _KINDS))}, got {_shown(said)}",
+            remedy=f"use kind: {_either(_KINDS)}",
             file=source,
             key="kind",
             value=said,
@@ -135,7 +134,7 @@ def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> A
     if kind is not None and model is not kind:
         asked = next(name for name, known in _KINDS.items() if known is kind)
         raise ConfigError(
-            f"{source}: kind: this is a {said} cell, and a {asked} cell is needed here",
+            f"{source}: kind: this is {_a(said)} cell, and {_a(asked)} cell is needed here",
             remedy=f"give a cell file of kind: {asked}",
             file=source,
             key="kind",
@@ -301,6 +300,15 @@ def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any,
             return _dotted(loc), value, what, meaning or "change it"
         case _:
             return _dotted(loc), value, f"{what}, got {_shown(value)}", meaning or "change it"
+
+
+def _either(names: Iterable[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} or {last}"
+
+
+def _a(kind: object) -> str:
+    return f"an {kind}" if kind == "ik" else f"a {kind}"
 
 
 def _dotted(loc: Key) -> str:

@@ -270,9 +270,8 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     ),
     "number for a mapping": (top({"arms": [5]}), "arms[0]", "must be a mapping of keys to values, got 5 ("),
     "left empty": (top({"obstacles": None}), "obstacles", "must be a list, got null (Bodies that stand still)"),
-    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination' or 'blend', got 'dance' (use kind:"),
-    "ik": (top({"kind": "ik"}), "kind", "'ik' is not available in this version (use kind: coordination or blend)"),
-    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination' or 'blend', got ['ik'] ("),
+    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination', 'blend' or 'ik', got 'dance' (use kind:"),
+    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', 'blend' or 'ik', got ['ik'] ("),
     "a source of its own": (top({"source": "x"}), "source", "unknown key ("),
 }
 
@@ -546,7 +545,7 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
             "missing; curve 'least-time' needs it instead of remaining_distance_m",
         ),
         (drop("kind"), "kind", "missing, and blend belongs to cells of kind blend (add kind: blend)"),
-        (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, arm, blend, line_speed"),
+        (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, physics_tick_s, control_period_s"),
         (drop("line_speed"), "line_speed", "missing (add it: Limits of the tip's motion)"),
         (
             top({"line_speed": {"speed_m_s": 0, "acceleration_m_s2": 5, "jerk_m_s3": 200}}),

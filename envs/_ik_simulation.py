@@ -1,0 +1,260 @@
+"""Episodes of an IK cell, tick by tick: joint references from speeds or from the law, physics or none, pose errors.
+
+It knows the arm and time, not spaces or rewards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs._ik_kernels import allowed_speeds, pose_error
+from armtempo.envs._simulation import Physics
+from armtempo.envs._tracked_arm import TrackedArm
+from armtempo.errors import InputError, UnknownNameError
+from armtempo.planners import IKCell, IKGains
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+ActionMode = Literal["speeds", "gains"]
+ACTION_MODES: tuple[ActionMode, ...] = get_args(ActionMode)
+
+GAIN_RATIO = 4.0
+"""By which an action of 1 multiplies a gain, and one of -1 divides it."""
+DAMPING_MAX = 0.9
+CUT = 1e-9  # of the caps, mean of the joints: less is rounding
+
+_COLUMNS = ("time", "q", "reference", "tip", "error", "capped", "torque", "demand")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class IKTrace:
+    """An episode at its ticks, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
+
+    Attributes:
+        cell: Where it was; of another target where one was drawn.
+        time: (T+1,) [s].
+        q: (T+1, n) joint positions: measured, or the reference without physics [rad, m].
+        reference: (T+1, n) what they should be.
+        tip: (T+1, 3) where they put the tip [m].
+        target: (T+1, 3) where it should be [m].
+        error: (T+1, 6) from the tip to the target, world axes: [m], and rotation vector [rad].
+        capped: (T+1,) whether limits of speed, acceleration or position cut what was asked for.
+        singular_value: (T+1,) smallest one at ``q``, of the task's Jacobian, lengths in units of the arm's.
+        torque: (T+1, n) applied [N m, N]; demand: before clipping at the limits.
+        torque_max: (n,) the limits.
+    """
+
+    cell: IKCell
+    time: Array
+    q: Array
+    reference: Array
+    tip: Array
+    target: Array
+    error: Array
+    capped: Bools
+    singular_value: Array
+    torque: Array
+    demand: Array
+    torque_max: Array
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def position_error(self) -> Array:
+        """(T+1,) [m]."""
+        return np.asarray(np.linalg.norm(self.error[:, :3], axis=1))
+
+    @property
+    def orientation_error(self) -> Array:
+        """(T+1,) angle [rad]."""
+        return np.asarray(np.linalg.norm(self.error[:, 3:], axis=1))
+
+    @property
+    def joint_speed(self) -> Array:
+        """(T+1, n) of the reference [rad/s, m/s], from tick to tick."""
+        return np.diff(self.reference, axis=0, prepend=self.reference[:1]) / self.cell.physics_tick
+
+    @property
+    def damped(self) -> Bools:
+        """(T+1,) whether it was nearer to singular than where the cell's law is damped."""
+        return np.asarray(self.singular_value < self.cell.config.law.damping)
+
+
+@final
+class IKSimulation:
+    """One arm that follows a pose over time, run in control periods.
+
+    Args:
+        cell: The arm and its target.
+        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
+        action_mode: ``speeds`` or ``gains``: what ``step`` is given.
+        record: Keep a trace.
+        model_error: The bodies in PyBullet are heavier by this share than the controller believes.
+
+    Attributes:
+        cell: Of this episode.
+        joint_speeds: (n,) of the reference now [rad/s, m/s].
+        tip, error: Where the tip is (3,), and from there to the target (6,): [m], rotation vector [rad].
+        mean_position_share, mean_orientation_share: x / (1 + x) of the errors x in units of the cell's scales, mean
+            over the last step.
+        effort: Mean square of the torques as shares of their limits, over the last step.
+        cut: What limits cut from the speeds asked for, as a share of the caps, mean over the last step.
+    """
+
+    def __init__(
+        self, cell: IKCell, *, physics: Physics, action_mode: ActionMode, record: bool = False, model_error: float = 0.0
+    ) -> None:
+        if action_mode not in ACTION_MODES:
+            raise UnknownNameError("action mode", str(action_mode), ACTION_MODES)
+        self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
+        self.physics, self.record, self.action_mode = physics, record, action_mode
+        self._scene = self._arm.scene
+        self.tip, self.error, self.joint_speeds = np.zeros(3), np.zeros(6), np.zeros(cell.arm.dof)
+        self.reset(cell)
+
+    def reset(self, cell: IKCell) -> None:
+        """To the start of ``cell`` (the arm is the same), at rest."""
+        self.cell, arm = cell, cell.arm
+        self._limits = (arm.speed_max, arm.acceleration_max, arm.position_min, arm.position_max)
+        self._ticks = 0
+        self.joint_speeds = np.zeros(arm.dof)
+        self.mean_position_share = self.mean_orientation_share = self.effort = self.cut = 0.0
+        self._arm.place(cell.start)
+        self._measure()
+        self._rows: list[tuple[float | Array, ...]] = []
+        if self.record:
+            self._keep(0.0)
+
+    @property
+    def time(self) -> float:
+        """Instant [s]."""
+        return self._ticks * self.cell.physics_tick
+
+    @property
+    def tick(self) -> int:
+        """Ticks since the start: the target is at its row ``2 tick``."""
+        return self._ticks
+
+    @property
+    def done(self) -> bool:
+        """Whether the target has ended."""
+        return self._ticks >= self.cell.ticks
+
+    @property
+    def reference(self) -> Array:
+        """(n,) joint positions asked for."""
+        return self._arm.reference[2].copy()
+
+    @property
+    def position_error(self) -> float:
+        """Distance of the tip from its target [m]."""
+        return float(np.linalg.norm(self.error[:3]))
+
+    @property
+    def orientation_error(self) -> float:
+        """Angle of the rotation that is left [rad]."""
+        return float(np.linalg.norm(self.error[3:]))
+
+    @property
+    def demand(self) -> Array:
+        """(n,) torques asked for in the last tick, before clipping."""
+        return np.array(self._arm.demand[0])
+
+    @property
+    def singular_value(self) -> float:
+        """The smallest one now, of the task's Jacobian, lengths in units of the arm's."""
+        return float(self.cell.singular_value(self._arm.q[0]))
+
+    def joint_positions(self) -> Array:
+        """(1, n) joint positions now."""
+        return self._arm.q.copy()
+
+    def step(self, action: Array) -> None:
+        """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
+        cell, sums = self.cell, np.zeros(4)
+        ticks = cell.ticks_per_period
+        if self.action_mode == "speeds":
+            first, last = self.joint_speeds, np.empty(cell.arm.dof)
+            asked = action * cell.arm.speed_max
+            cut = self._allowed(asked, cell.control_period, 0.5, last)
+            for k in range(ticks):
+                before, after = (first + (last - first) * (i / ticks) for i in (k, k + 1))
+                sums += self._advance(0.5 * (before + after), after, cut)
+        else:
+            law = cell.config.law
+            gains = GAIN_RATIO**action * np.array(
+                [law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping]
+            )
+            position, approach, normal, damping = gains.tolist()
+            solver = cell.solver.retuned(
+                IKGains(position=position, approach=approach, normal=normal), min(damping, DAMPING_MAX)
+            )
+            for _ in range(ticks):
+                speeds = np.empty(cell.arm.dof)
+                asked, _ = solver.joint_speeds(self._arm.reference[2], cell.target, 2 * self._ticks)
+                cut = self._allowed(asked, cell.physics_tick, 1.0, speeds)
+                sums += self._advance(speeds, speeds, cut)
+        self.mean_position_share, self.mean_orientation_share, self.effort, self.cut = (sums / ticks).tolist()
+
+    def _allowed(self, asked: Array, period: float, late: float, speeds: Array) -> float:
+        """Write the speeds (n,) that a period may end with; what was cut."""
+        reference = self._arm.reference[2]
+        cut = float(allowed_speeds(reference, self.joint_speeds, asked, period, late, *self._limits, speeds))
+        return cut if cut > CUT else 0.0
+
+    def _advance(self, mean: Array, speeds: Array, cut: float) -> Array:
+        """One tick at ``mean`` (n,) joint speeds, to ``speeds``; shares of errors, effort and what was cut."""
+        cell, body = self.cell, self._arm
+        joints = body.reference[2] + cell.physics_tick * mean
+        body.advance(np.clip(joints, cell.arm.position_min, cell.arm.position_max))  # the last bit
+        self.joint_speeds = speeds
+        self._ticks += 1
+        self._measure()
+        if self.record:
+            self._keep(cut)
+        x = self.position_error / cell.config.error_scale_m
+        y = self.orientation_error / cell.config.error_scale_rad
+        return np.array([x / (1.0 + x), y / (1.0 + y), float(np.mean((body.torque[0] / body.torque_max) ** 2)), cut])
+
+    def _measure(self) -> None:
+        target, row = self.cell.target, 2 * self._ticks
+        pose_error(self._arm.model, self._arm.q[0], target.position[row], target.rotation[row], self.tip, self.error)
+
+    def _keep(self, cut: float) -> None:
+        body = self._arm
+        self._rows.append(
+            (
+                self.time, body.q[0].copy(), body.reference[2].copy(), self.tip.copy(), self.error.copy(), cut > 0.0,
+                body.torque[0].copy(), body.demand[0].copy(),
+            )
+        )  # fmt: skip
+
+    def trace(self) -> IKTrace:
+        """What happened so far.
+
+        Raises:
+            InputError: Nothing was recorded.
+        """
+        if not self.record:
+            raise InputError("this environment keeps no trace", remedy="make it with record=True")
+        columns = dict(zip(_COLUMNS, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
+        rows = 2 * np.arange(len(self._rows))
+        return IKTrace(
+            cell=self.cell,
+            **columns,
+            target=self.cell.target.position[rows],
+            singular_value=self.cell.singular_value(columns["q"]),
+            torque_max=self._arm.torque_max.copy(),
+        )
+
+    def close(self) -> None:
+        """Leave PyBullet; may be called twice."""
+        self._arm.close()
