@@ -27,8 +27,8 @@ def allowed_speeds(
 ) -> float:
     """The speeds nearest to ``asked`` that a period may end with; what was cut: shares of the caps, mean of the joints.
 
-    From the positions ``q`` and speeds ``v``, all (n,). The period covers ``period ((1 - late) v + late allowed)``, late
-    1/2 for a ramp and 1 for a step. After it every joint can still stop short of its limits: braking from u takes
+    From the positions ``q`` and speeds ``v``, all (n,). The period covers ``period ((1 - late) v + late allowed)``:
+    late is 1/2 for a ramp and 1 for a step. After it every joint can still stop short of its limits: braking from u takes
     u^2 / 2a and at most u period / 2 more, as speeds change from period to period.
     """
     cut = 0.0
@@ -54,28 +54,50 @@ def allowed_speeds(
 
 
 @njit
-def pose_error(model: ArmModel, q: Array, position: Array, rotation: Array, tip: Array, error: Array) -> None:
-    """From the tip at ``q`` to a pose, world axes: ``error`` (6,) metres and rotation vector; ``tip`` (3,) is written."""
-    n = q.shape[0]
+def ramp(q: Array, v: Array, end: Array, tick: float, position_min: Array, position_max: Array, joints: Array) -> None:
+    """Positions ``joints`` (K, n) at the ticks of a period in which speeds go from ``v`` to ``end`` (n,) linearly."""
+    ticks, n = joints.shape
+    for k in range(ticks):
+        for j in range(n):
+            mean = v[j] + (end[j] - v[j]) * (k + 0.5) / ticks
+            at = (joints[k - 1, j] if k else q[j]) + tick * mean
+            joints[k, j] = min(max(at, position_min[j]), position_max[j])  # the last bit
+
+
+@njit
+def pose_errors(
+    model: ArmModel, q: Array, positions: Array, rotations: Array, every: int, tips: Array, errors: Array
+) -> None:
+    """From the tips at ``q`` (K, n) to poses: ``errors`` (K, 6), metres and rotation vectors in world axes.
+
+    The poses are every so manieth of the rows of ``positions`` (., 3) and ``rotations`` (., 3, 3). Writes ``tips``
+    (K, 3), too.
+    """
+    n = q.shape[1]
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    kernels.link_frames(model, q, R, p)
-    now = R[n - 1] @ model.tip_R
-    off = rotation @ now.T
-    for r in range(3):
-        tip[r] = p[n - 1, r]
-        for c in range(3):
-            tip[r] += R[n - 1, r, c] * model.tip_p[c]
-        error[r] = position[r] - tip[r]
-    x, y, z = 0.5 * (off[2, 1] - off[1, 2]), 0.5 * (off[0, 2] - off[2, 0]), 0.5 * (off[1, 0] - off[0, 1])
+    for k in range(q.shape[0]):
+        kernels.link_frames(model, q[k], R, p)
+        for r in range(3):
+            tips[k, r] = p[n - 1, r]
+            for c in range(3):
+                tips[k, r] += R[n - 1, r, c] * model.tip_p[c]
+            errors[k, r] = positions[every * k, r] - tips[k, r]
+        rotation_vector(rotations[every * k] @ (R[n - 1] @ model.tip_R).T, errors[k, 3:])
+
+
+@njit
+def rotation_vector(R: Array, vector: Array) -> None:
+    """The rotation vector (3,) of R (3, 3), at most pi long."""
+    x, y, z = 0.5 * (R[2, 1] - R[1, 2]), 0.5 * (R[0, 2] - R[2, 0]), 0.5 * (R[1, 0] - R[0, 1])
     sine = math.sqrt(x * x + y * y + z * z)
-    cosine = 0.5 * (off[0, 0] + off[1, 1] + off[2, 2] - 1.0)
+    cosine = 0.5 * (R[0, 0] + R[1, 1] + R[2, 2] - 1.0)
     angle = math.atan2(sine, cosine)
     if sine < 1e-6 and cosine < 0.0:  # a half turn: its axis is in the symmetric part
         k = 0
         for r in range(1, 3):
-            if off[r, r] > off[k, k]:
+            if R[r, r] > R[k, k]:
                 k = r
-        x, y, z = off[0, k], off[1, k], off[2, k]
+        x, y, z = R[0, k], R[1, k], R[2, k]
         if k == 0:
             x += 1.0
         elif k == 1:
@@ -84,4 +106,4 @@ def pose_error(model: ArmModel, q: Array, position: Array, rotation: Array, tip:
             z += 1.0
         sine = math.sqrt(x * x + y * y + z * z)
     scale = angle / sine if sine > 0.0 else 1.0
-    error[3], error[4], error[5] = scale * x, scale * y, scale * z
+    vector[0], vector[1], vector[2] = scale * x, scale * y, scale * z

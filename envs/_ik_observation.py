@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from armtempo.envs._ik_kernels import pose_errors
 from armtempo.envs._ik_simulation import IKSimulation
 from armtempo.envs._observation import Entry
 
@@ -73,11 +73,13 @@ def observe_ik(simulation: IKSimulation) -> NDArray[np.float32]:
         _soft(target.angular_velocity[row]),
     ]
     ahead = np.minimum(row + 2 * cell.ticks_per_period * np.array(AHEAD), len(target.position) - 1)
-    now = arm.tip_pose(q)[:3, :3]
-    turns = Rotation.from_matrix(target.rotation[ahead] @ now.T).as_rotvec()
-    for position, turn in zip(target.position[ahead], turns, strict=True):
-        parts.append(_soft((position - simulation.tip) / (FAR * config.error_scale_m)))
-        parts.append(_soft(turn / (FAR * config.error_scale_rad)))
+    off = np.empty((len(AHEAD), 6))
+    pose_errors(
+        arm.model, np.repeat(q[None], len(AHEAD), axis=0), target.position[ahead], target.rotation[ahead], 1,
+        np.empty((len(AHEAD), 3)), off,
+    )  # fmt: skip
+    units = FAR * np.repeat([config.error_scale_m, config.error_scale_rad], 3)
+    parts.append(_soft(off / units).ravel())
     value = simulation.singular_value
     room = np.minimum(q - arm.position_min, arm.position_max - q) / half
     shares = [

@@ -11,7 +11,7 @@ from typing import Literal, final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._ik_kernels import allowed_speeds, pose_error
+from armtempo.envs._ik_kernels import allowed_speeds, pose_errors, ramp
 from armtempo.envs._simulation import Physics
 from armtempo.envs._tracked_arm import TrackedArm
 from armtempo.errors import InputError, UnknownNameError
@@ -26,8 +26,6 @@ GAIN_RATIO = 4.0
 """By which an action of 1 multiplies a gain, and one of -1 divides it."""
 DAMPING_MAX = 0.9
 CUT = 1e-9  # of the caps, mean of the joints: less is rounding
-
-_COLUMNS = ("time", "q", "reference", "tip", "error", "capped", "torque", "demand")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -106,6 +104,7 @@ class IKSimulation:
         mean_position_share, mean_orientation_share: x / (1 + x) of the errors x in units of the cell's scales, mean
             over the last step.
         effort: Mean square of the torques as shares of their limits, over the last step.
+        singular_value: The smallest one, of the task's Jacobian, lengths in units of the arm's.
         cut: What limits cut from the speeds asked for, as a share of the caps, mean over the last step.
     """
 
@@ -117,7 +116,6 @@ class IKSimulation:
         self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
         self.physics, self.record, self.action_mode = physics, record, action_mode
         self._scene = self._arm.scene
-        self.tip, self.error, self.joint_speeds = np.zeros(3), np.zeros(6), np.zeros(cell.arm.dof)
         self.reset(cell)
 
     def reset(self, cell: IKCell) -> None:
@@ -125,13 +123,12 @@ class IKSimulation:
         self.cell, arm = cell, cell.arm
         self._limits = (arm.speed_max, arm.acceleration_max, arm.position_min, arm.position_max)
         self._ticks = 0
-        self.joint_speeds = np.zeros(arm.dof)
+        self.joint_speeds: Array = np.zeros(arm.dof)
         self.mean_position_share = self.mean_orientation_share = self.effort = self.cut = 0.0
         self._arm.place(cell.start)
-        self._measure()
-        self._rows: list[tuple[float | Array, ...]] = []
-        if self.record:
-            self._keep(0.0)
+        rows = np.stack([self._arm.q, self._arm.torque, self._arm.demand], axis=1)
+        self._blocks: list[tuple[Array, Array, Array, Array, Array]] = []
+        self._measure(self._arm.q.copy(), rows, np.zeros(1))
 
     @property
     def time(self) -> float:
@@ -168,74 +165,63 @@ class IKSimulation:
         """(n,) torques asked for in the last tick, before clipping."""
         return np.array(self._arm.demand[0])
 
-    @property
-    def singular_value(self) -> float:
-        """The smallest one now, of the task's Jacobian, lengths in units of the arm's."""
-        return float(self.cell.singular_value(self._arm.q[0]))
-
     def joint_positions(self) -> Array:
         """(1, n) joint positions now."""
         return self._arm.q.copy()
 
     def step(self, action: Array) -> None:
         """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
-        cell, sums = self.cell, np.zeros(4)
-        ticks = cell.ticks_per_period
-        if self.action_mode == "speeds":
-            first, last = self.joint_speeds, np.empty(cell.arm.dof)
-            asked = action * cell.arm.speed_max
-            cut = self._allowed(asked, cell.control_period, 0.5, last)
-            for k in range(ticks):
-                before, after = (first + (last - first) * (i / ticks) for i in (k, k + 1))
-                sums += self._advance(0.5 * (before + after), after, cut)
-        else:
-            law = cell.config.law
-            gains = GAIN_RATIO**action * np.array(
-                [law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping]
-            )
-            position, approach, normal, damping = gains.tolist()
-            solver = cell.solver.retuned(
-                IKGains(position=position, approach=approach, normal=normal), min(damping, DAMPING_MAX)
-            )
-            for _ in range(ticks):
-                speeds = np.empty(cell.arm.dof)
-                asked, _ = solver.joint_speeds(self._arm.reference[2], cell.target, 2 * self._ticks)
-                cut = self._allowed(asked, cell.physics_tick, 1.0, speeds)
-                sums += self._advance(speeds, speeds, cut)
-        self.mean_position_share, self.mean_orientation_share, self.effort, self.cut = (sums / ticks).tolist()
+        ticks = self.cell.ticks_per_period
+        joints, cuts = np.empty((ticks, self.cell.arm.dof)), np.empty(ticks)
+        (self._ramp if self.action_mode == "speeds" else self._run_law)(action, joints, cuts)
+        rows = self._arm.follow(joints)
+        self._ticks += ticks
+        errors = self._measure(joints, rows, cuts)
+        config = self.cell.config
+        position = np.sqrt((errors[:, :3] ** 2).sum(axis=1)) / config.error_scale_m
+        orientation = np.sqrt((errors[:, 3:] ** 2).sum(axis=1)) / config.error_scale_rad
+        self.mean_position_share = float((position / (1.0 + position)).mean())
+        self.mean_orientation_share = float((orientation / (1.0 + orientation)).mean())
+        self.effort = float(((rows[:, 1] / self._arm.torque_max) ** 2).mean())
+        self.cut = float(cuts.mean())
 
-    def _allowed(self, asked: Array, period: float, late: float, speeds: Array) -> float:
+    def _ramp(self, action: Array, joints: Array, cuts: Array) -> None:
+        """References of a period from speeds at its end, as shares of the caps."""
+        cell, reference, end = self.cell, self._arm.reference[2], np.empty(self.cell.arm.dof)
+        cuts[:] = self._allowed(reference, action * cell.arm.speed_max, cell.control_period, 0.5, end)
+        ramp(reference, self.joint_speeds, end, cell.physics_tick, *self._limits[2:], joints)
+        self.joint_speeds = end
+
+    def _run_law(self, action: Array, joints: Array, cuts: Array) -> None:
+        """References of a period from the law at every tick, its gains and its damping multiplied."""
+        cell, law, reference = self.cell, self.cell.config.law, self._arm.reference[2]
+        base = np.array([law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping])
+        position, approach, normal, damping = (GAIN_RATIO**action * base).tolist()
+        gains = IKGains(position=position, approach=approach, normal=normal)
+        solver = cell.solver.retuned(gains, min(damping, DAMPING_MAX))
+        for k in range(len(joints)):
+            asked, _ = solver.joint_speeds(reference, cell.target, 2 * (self._ticks + k))
+            end = np.empty(cell.arm.dof)
+            cuts[k] = self._allowed(reference, asked, cell.physics_tick, 1.0, end)
+            ramp(reference, end, end, cell.physics_tick, *self._limits[2:], joints[k : k + 1])
+            reference, self.joint_speeds = joints[k], end
+
+    def _allowed(self, reference: Array, asked: Array, period: float, late: float, end: Array) -> float:
         """Write the speeds (n,) that a period may end with; what was cut."""
-        reference = self._arm.reference[2]
-        cut = float(allowed_speeds(reference, self.joint_speeds, asked, period, late, *self._limits, speeds))
+        cut = float(allowed_speeds(reference, self.joint_speeds, asked, period, late, *self._limits, end))
         return cut if cut > CUT else 0.0
 
-    def _advance(self, mean: Array, speeds: Array, cut: float) -> Array:
-        """One tick at ``mean`` (n,) joint speeds, to ``speeds``; shares of errors, effort and what was cut."""
-        cell, body = self.cell, self._arm
-        joints = body.reference[2] + cell.physics_tick * mean
-        body.advance(np.clip(joints, cell.arm.position_min, cell.arm.position_max))  # the last bit
-        self.joint_speeds = speeds
-        self._ticks += 1
-        self._measure()
+    def _measure(self, joints: Array, rows: Array, cuts: Array) -> Array:
+        """Pose errors (K, 6) at the last K ticks, of which ``rows`` are known."""
+        target, first = self.cell.target, 2 * (self._ticks + 1 - len(rows))
+        tips, errors = np.empty((len(rows), 3)), np.empty((len(rows), 6))
+        q = np.ascontiguousarray(rows[:, 0])
+        pose_errors(self._arm.model, q, target.position[first:], target.rotation[first:], 2, tips, errors)
+        self.tip, self.error = tips[-1], errors[-1]
+        self.singular_value = float(self.cell.singular_value(q[-1]))
         if self.record:
-            self._keep(cut)
-        x = self.position_error / cell.config.error_scale_m
-        y = self.orientation_error / cell.config.error_scale_rad
-        return np.array([x / (1.0 + x), y / (1.0 + y), float(np.mean((body.torque[0] / body.torque_max) ** 2)), cut])
-
-    def _measure(self) -> None:
-        target, row = self.cell.target, 2 * self._ticks
-        pose_error(self._arm.model, self._arm.q[0], target.position[row], target.rotation[row], self.tip, self.error)
-
-    def _keep(self, cut: float) -> None:
-        body = self._arm
-        self._rows.append(
-            (
-                self.time, body.q[0].copy(), body.reference[2].copy(), self.tip.copy(), self.error.copy(), cut > 0.0,
-                body.torque[0].copy(), body.demand[0].copy(),
-            )
-        )  # fmt: skip
+            self._blocks.append((joints, rows, tips, errors, cuts > 0.0))
+        return errors
 
     def trace(self) -> IKTrace:
         """What happened so far.
@@ -245,13 +231,19 @@ class IKSimulation:
         """
         if not self.record:
             raise InputError("this environment keeps no trace", remedy="make it with record=True")
-        columns = dict(zip(_COLUMNS, (np.array(column) for column in zip(*self._rows, strict=True)), strict=True))
-        rows = 2 * np.arange(len(self._rows))
+        reference, rows, tip, error, capped = (np.concatenate(blocks) for blocks in zip(*self._blocks, strict=True))
         return IKTrace(
             cell=self.cell,
-            **columns,
-            target=self.cell.target.position[rows],
-            singular_value=self.cell.singular_value(columns["q"]),
+            time=self.cell.physics_tick * np.arange(len(rows)),
+            q=rows[:, 0].copy(),
+            reference=reference,
+            tip=tip,
+            target=self.cell.target.position[: 2 * len(rows) : 2].copy(),
+            error=error,
+            capped=capped,
+            singular_value=self.cell.singular_value(rows[:, 0]),
+            torque=rows[:, 1].copy(),
+            demand=rows[:, 2].copy(),
             torque_max=self._arm.torque_max.copy(),
         )
 

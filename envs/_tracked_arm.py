@@ -12,6 +12,7 @@ from armtempo.envs._bullet import pybullet
 from armtempo.envs._kernels import joint_torques
 from armtempo.envs._scene import Scene
 from armtempo.envs._simulation import CONTROLLER_GAIN, PHYSICS, Physics
+from armtempo.envs._tracking_kernels import stay_on_reference
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import BlendCell, IKCell
 
@@ -84,18 +85,32 @@ class TrackedArm:
             self.scene.place(self.q)
 
     def advance(self, joints: Array) -> None:
-        """One tick towards the reference ``joints`` (n,)."""
+        """One tick in PyBullet towards the reference ``joints`` (n,)."""
         reference, tick = self.reference, self.tick
         reference[:2], reference[2] = reference[1:].copy(), joints
         joint_torques(
             self.model, reference[0], reference[1], reference[2], self.q[0], self.qd[0], self.coulomb, self.torque_max,
             CONTROLLER_GAIN / tick, tick, self.demand[0], self.torque[0],
         )  # fmt: skip
-        if self.scene is None:
-            self.q[0], self.qd[0] = joints, (reference[2] - reference[1]) / tick
-            return
+        assert self.scene is not None
         self.scene.push(self.torque)
         self.scene.read(self.q, self.qd)
+
+    def follow(self, joints: Array) -> Array:
+        """Ticks towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n)."""
+        rows = np.empty((len(joints), 3, joints.shape[1]))
+        if self.scene is not None:
+            for row, wanted in zip(rows, joints, strict=True):
+                self.advance(wanted)
+                row[0], row[1], row[2] = self.q[0], self.torque[0], self.demand[0]
+            return rows
+        stay_on_reference(
+            self.model, joints, self.reference, self.coulomb, self.torque_max, CONTROLLER_GAIN / self.tick, self.tick,
+            rows,
+        )  # fmt: skip
+        self.qd[0] = (self.reference[2] - self.reference[1]) / self.tick
+        self.q[0], self.torque[0], self.demand[0] = rows[-1]
+        return rows
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
