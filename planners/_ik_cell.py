@@ -9,6 +9,7 @@ from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from armtempo.configs import IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
@@ -130,6 +131,12 @@ class IKCell:
         J[..., :3, :] /= self.solver.length
         values: Array = np.linalg.svd(self.solver.task @ J, compute_uv=False)[..., -1]
         return values
+
+    def pose_error(self, q: ArrayLike, row: int) -> Array:
+        """From the tip at ``q`` (n,) to the target at ``row`` (two per tick): (6,) [m], rotation vector [rad], world."""
+        T, target = self.arm.tip_pose(q), self.target
+        turn = Rotation.from_matrix(target.rotation[row] @ T[:3, :3].T).as_rotvec()
+        return np.concatenate([target.position[row] - T[:3, 3], turn])
 
     def check(self) -> None:
         """Look at postures of the nominal run; nothing between them is certified.
