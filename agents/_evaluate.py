@@ -168,7 +168,8 @@ def evaluate(
 
     Args:
         cell: Where; of blend and IK cells ``evaluate_blend`` and ``evaluate_ik`` tell more.
-        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``, ``IK_POLICIES``); None: all of them that have a plan here.
+        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``, ``IK_POLICIES``); None: all of them that have a
+            plan here.
         episodes: Episodes per policy; baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up.
         physics: ``bullet`` or ``ideal``.

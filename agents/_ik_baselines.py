@@ -97,7 +97,7 @@ class NewtonPolicy:
         J, error = arm.jacobian(q).copy(), cell.pose_error(q, row)
         J[:3] /= length
         error[:3] /= length
-        step = np.linalg.lstsq(task @ J, task @ error, rcond=None)[0]
+        step: Array = np.linalg.lstsq(task @ J, task @ error, rcond=None)[0].astype(np.float64)
         return _shares(cell, step / cell.control_period)
 
 

@@ -14,6 +14,7 @@ from armtempo.errors import InputError, UnknownNameError
 Observations = dict[str, NDArray[np.float32]]
 Actions = dict[str, NDArray[np.float32]]
 Env = TypeVar("Env", BlendTrackingEnv, FeedbackIKEnv)
+Met_contra = TypeVar("Met_contra", BlendTrackingEnv, FeedbackIKEnv, contravariant=True)
 
 
 class Policy(Protocol):
@@ -28,14 +29,14 @@ class Policy(Protocol):
         ...
 
 
-class SingleArmPolicy(Protocol[Env]):
+class SingleArmPolicy(Protocol[Met_contra]):
     """Decides for the arm of an environment with one."""
 
     def reset(self, seed: int | None = None) -> None:
         """Forget the last episode; all randomness comes from ``seed``."""
         ...
 
-    def act(self, observation: NDArray[np.float32], env: Env) -> NDArray[np.float32]:
+    def act(self, observation: NDArray[np.float32], env: Met_contra) -> NDArray[np.float32]:
         """One action of the environment's space."""
         ...
 

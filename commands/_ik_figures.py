@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SMALLEST_M, SMALLEST_RAD = 1e-6, 1e-7  # errors below are drawn there
-TARGET = {"color": INK, "linewidth": 3.2, "alpha": 0.28, "zorder": 2.5}
-LAG = {"color": MUTED, "linewidth": 1.1, "linestyle": (0, (2, 2)), "zorder": 3.0}
+TARGET: dict[str, Any] = {"color": INK, "linewidth": 3.2, "alpha": 0.28, "zorder": 2.5}
+LAG: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (2, 2)), "zorder": 6.0}
 DAMPED = "#F3E3C3"
 
 

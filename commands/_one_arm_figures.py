@@ -16,6 +16,7 @@ from armtempo.planners import BlendCell, IKCell
 Array = NDArray[np.float64]
 
 LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
+DASHES = {"random": (0, (1, 1.4)), "feedback-damped": (0, (4, 2))}  # the latter often lies on feedback-ff
 
 
 class Trace(Protocol):
@@ -40,8 +41,8 @@ def line_of(name: str) -> dict[str, Any]:
     return {
         "color": policy_color(name),
         "linewidth": 1.0 if random else 1.8,
-        "linestyle": (0, (1, 1.4)) if random else "-",
-        "zorder": 2.5 if random else 4.0,
+        "linestyle": DASHES.get(name, "-"),
+        "zorder": 2.5 if random else 4.5 if name in DASHES else 4.0,
     }
 
 

@@ -47,8 +47,8 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
     *What an agent knows.* With ``model_error`` 0 and torques within their limits, joint positions and the reference's
     speeds and lags are the arm's whole state (its own speeds are those of the reference). Of the target it sees pose
     and velocity now, and poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that;
-    with drawn families it is hidden, and an episode is Markov only up to what comes later than these. Errors beyond some ten
-    scales are all but alike.
+    with drawn families it is hidden, and an episode is Markov only up to what comes later than these. Errors beyond
+    some ten scales are all but alike.
 
     **Reward**, the sum of four terms, each an integral over the time of the step in units of the target's duration, so
     that an episode's is the mean over time:

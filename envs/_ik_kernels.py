@@ -28,8 +28,8 @@ def allowed_speeds(
     """The speeds nearest to ``asked`` that a period may end with; what was cut: shares of the caps, mean of the joints.
 
     From the positions ``q`` and speeds ``v``, all (n,). The period covers ``period ((1 - late) v + late allowed)``:
-    late is 1/2 for a ramp and 1 for a step. After it every joint can still stop short of its limits: braking from u takes
-    u^2 / 2a and at most u period / 2 more, as speeds change from period to period.
+    late is 1/2 for a ramp and 1 for a step. After it every joint can still stop short of its limits: braking from u
+    takes u^2 / 2a and at most u period / 2 more, as speeds change from period to period.
     """
     cut = 0.0
     for j in range(q.shape[0]):
@@ -50,7 +50,7 @@ def allowed_speeds(
         speed = min(max(speed, v[j] - change), v[j] + change)
         cut += min(abs(asked[j] - speed) / most, 1.0)
         allowed[j] = speed
-    return cut / q.shape[0]
+    return float(cut / q.shape[0])
 
 
 @njit

@@ -89,4 +89,4 @@ def observe_ik(simulation: IKSimulation) -> NDArray[np.float32]:
         simulation.tick / cell.ticks,
     ]
     parts.append(2.0 * np.array(shares) - 1.0)
-    return np.clip(np.concatenate(parts), -1.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(np.concatenate(parts), -1.0, 1.0), dtype=np.float32)

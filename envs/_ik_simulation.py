@@ -127,7 +127,7 @@ class IKSimulation:
         self.mean_position_share = self.mean_orientation_share = self.effort = self.cut = 0.0
         self._arm.place(cell.start)
         rows = np.stack([self._arm.q, self._arm.torque, self._arm.demand], axis=1)
-        self._blocks: list[tuple[Array, Array, Array, Array, Array]] = []
+        self._blocks: list[tuple[Array, Array, Array, Array, Bools]] = []
         self._measure(self._arm.q.copy(), rows, np.zeros(1))
 
     @property
@@ -148,7 +148,7 @@ class IKSimulation:
     @property
     def reference(self) -> Array:
         """(n,) joint positions asked for."""
-        return self._arm.reference[2].copy()
+        return np.array(self._arm.reference[2])
 
     @property
     def position_error(self) -> float:
@@ -234,7 +234,7 @@ class IKSimulation:
         reference, rows, tip, error, capped = (np.concatenate(blocks) for blocks in zip(*self._blocks, strict=True))
         return IKTrace(
             cell=self.cell,
-            time=self.cell.physics_tick * np.arange(len(rows)),
+            time=np.asarray(self.cell.physics_tick * np.arange(len(rows)), dtype=np.float64),
             q=rows[:, 0].copy(),
             reference=reference,
             tip=tip,

@@ -72,7 +72,7 @@ class SingleArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]], Gene
     def _draw_extras(self, renderer: Renderer) -> None:
         """What a task shows beside the arm and its path."""
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
         if self.render_mode is None:
             return None

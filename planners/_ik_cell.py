@@ -129,11 +129,10 @@ class IKCell:
         """Smallest singular value (...) of the task's Jacobian at ``q`` (..., n), lengths in units of the arm's."""
         J = self.arm.jacobian(q).copy()
         J[..., :3, :] /= self.solver.length
-        values: Array = np.linalg.svd(self.solver.task @ J, compute_uv=False)[..., -1]
-        return values
+        return np.asarray(np.linalg.svd(self.solver.task @ J, compute_uv=False)[..., -1], dtype=np.float64)
 
     def pose_error(self, q: ArrayLike, row: int) -> Array:
-        """From the tip at ``q`` (n,) to the target at ``row`` (two per tick): (6,) [m], rotation vector [rad], world."""
+        """From the tip at ``q`` (n,) to the target at ``row`` (two a tick), world axes: (6,) [m], rotation vector."""
         T, target = self.arm.tip_pose(q), self.target
         turn = Rotation.from_matrix(target.rotation[row] @ T[:3, :3].T).as_rotvec()
         return np.concatenate([target.position[row] - T[:3, 3], turn])
