@@ -19,6 +19,7 @@ from armtempo.planners._build_cell import build_cell, load_cell
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._cell_generator import FAMILIES, CellLabels, GeneratedCell, cell_name, generate_cell, label_cell
+from armtempo.planners._classical_ik import ClosedFormIK, NewtonIK, ResolvedRateIK
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell, bench_claims
 from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
@@ -77,6 +78,7 @@ __all__ = [
     "ChartRegion",
     "Claim",
     "ClearanceTable",
+    "ClosedFormIK",
     "CoordinationChart",
     "ExactMapping",
     "Execution",
@@ -102,6 +104,7 @@ __all__ = [
     "Mode",
     "MotionCertificate",
     "MotionDemand",
+    "NewtonIK",
     "PackedPath",
     "PairBound",
     "PassingLimits",
@@ -115,6 +118,7 @@ __all__ = [
     "PredictorCorrector",
     "PriorityClass",
     "ProfileName",
+    "ResolvedRateIK",
     "ScaraPath",
     "Schedule",
     "ScheduleCertificate",

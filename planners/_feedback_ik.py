@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, final
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.errors import InputError
 from armtempo.planners import _feedback_ik_kernels as loops
 from armtempo.planners._pose_target import PoseTarget
+from armtempo.planners._spherical_wrist_ik import SphericalWristIK
 from armtempo.robots import Arm
 
 __all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName"]
@@ -54,6 +55,8 @@ class IKBounds:
     """(T,) angle between the approach axes [rad]; pi: none."""
     orientation: Array
     """(T,) angle of the whole rotation [rad]; pi: none."""
+    position_between: Array
+    """(T,) [m] from each sample to the next, at every instant, if the joints move evenly there."""
     joint_speed: Array
     """(n,) [rad/s or m/s]."""
     ultimate_position: float
@@ -101,8 +104,10 @@ class IKRun:
         """Fraction of the steps that were damped, capped in twist or joint speed, at a joint limit, in escape.
 
         ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
+        The classical solvers cap nothing: there ``speed`` and ``limit`` say that it went beyond, and ``unreached``
+        that a sample was not reached.
         """
-        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray")
+        names = ("damped", "twist", "speed", "limit", "escape", "projected", "stray", "unreached")
         return {name: float(np.mean(self.flags & (1 << bit) != 0)) for bit, name in enumerate(names)}
 
 
@@ -124,12 +129,15 @@ class FeedbackIK:
     angle ``d' <= -K sin d + K_n / sqrt(27) (1 - cos d) + w`` with K = min(K_a, K_n) (the gains' product of axes couples
     the paper's two angles: its eq. 3.5 is no bound); the position error ``e' = -K_p e``, or is within |P_d'| / K_p of
     that without feed-forward. w is the target's turning, or 0 if fed forward. With ``quaternion`` errors
-    ``d' = -2 K_a sin(d/2) + w``. To these a bound of what the integrator adds, of second order in the step for all
-    three (so it is generous to rk4), from the joint speeds of each step (measured) and the arm's lengths (the worst
-    posture).
-    They hold for steps of the plain law: not damped, no cap, no joint limit, not in escape. In other steps they grow at
-    the speed at which tip and target could part at most: still true, seldom of use. They assume that the target's
-    accelerations between samples are those of ``PoseTarget`` at most. Joint speeds: the caps, always.
+    ``d' = -2 K_a sin(d/2) + w``. These give the ultimate bounds.
+
+    The bounds of a run go from sample to sample, from the error at the start on: what the law leaves of the bound
+    before, and what the step did beyond the law's feedback. That is the target's step less the tip's, with the tip's
+    worked out from the joints' step, the Jacobian and the next derivatives of its place (two) and turning (one), and
+    the ones after these bounded over all postures. No pose of the tip enters after the start, so that poses are what
+    they can be checked with; the joints' steps do, so that they are true in all steps, damped or capped or not, but are
+    known after the run only. Between samples they add an eighth of the greatest accelerations; the target's is that of
+    ``PoseTarget``. Joint speeds: the caps, always.
 
     Args:
         arm: Any serial arm.
@@ -139,6 +147,10 @@ class FeedbackIK:
         task: ``pose``, ``position`` (orientation is left alone), or ``auto``: of the pose, what the arm can control
             (SCARA: position and turning about its axis; fewer joints than that: position); or (m, 6) orthonormal rows
             that pick linear (first three) or angular components in world axes.
+        point: ``wrist``: K_p pulls the wrist's centre, P_w = P - r a (the paper's eq. 4.2), of an arm that
+            ``SphericalWristIK`` knows; targets stay the tip's. Turning the tool then leaves the first three joints
+            alone. Position errors and bounds are the centre's: the tip is off by 2 |r| sin(angle / 2) more at most,
+            with the angle of the whole rotation. The same thing where the tip is the centre.
         damping: Singular value of the scaled Jacobian below which it is damped; > 0.
         linear_speed_max: [m/s].
         angular_speed_max: [rad/s].
@@ -148,6 +160,7 @@ class FeedbackIK:
 
     Raises:
         InputError: A number that cannot be used; the message names it.
+        RobotError: ``wrist``, and the arm has no spherical one.
     """
 
     def __init__(
@@ -158,6 +171,7 @@ class FeedbackIK:
         error: Literal["axes", "quaternion"] = "axes",
         feed_forward: bool = True,
         task: TaskName | ArrayLike = "auto",
+        point: Literal["tip", "wrist"] = "tip",
         damping: float = 0.02,
         linear_speed_max: float = np.inf,
         angular_speed_max: float = np.inf,
@@ -183,23 +197,20 @@ class FeedbackIK:
         finite = np.isfinite(arm.position_min + arm.position_max)
         middle = np.where(finite, 0.5 * (arm.position_min + np.where(finite, arm.position_max, 0.0)), 0.0)
         rest = self._joints(middle if posture is None else posture, "posture")
-        model = arm.model
+        if point not in ("tip", "wrist"):
+            raise InputError(f"point {point!r}", remedy="use 'tip' or 'wrist'")
+        self._offset = SphericalWristIK(arm).wrist_in_tip if point == "wrist" else np.zeros(3)
+        model = arm.model._replace(tip_p=arm.model.tip_p + arm.model.tip_R @ self._offset)
+        self._model = model
         steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
         extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
         steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
         beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
-        self._levers = np.where(model.prismatic, 1.0, beyond)
+        levers = np.where(model.prismatic, 1.0, beyond)
         turning = ~model.prismatic
-        inner, outer = (
-            np.minimum.outer(np.arange(arm.dof), np.arange(arm.dof)),
-            np.maximum.outer(np.arange(arm.dof), np.arange(arm.dof)),
-        )
-        self._bends = np.where(turning[inner], self._levers[outer], 0.0)
-        self._turns = np.outer(turning, turning).astype(np.float64)
         self.length = float(beyond[turning].max()) if turning.any() else 1.0
         linear, angular = _reach_of(arm)
         self.task = _task(arm, task, linear, angular)
-        self._loose = (_outside(linear, self.task[:, :3]), _outside(angular, self.task[:, 3:]))
         spare = arm.dof > len(self.task)
         self._law = loops.Law(
             self.gains.position,
@@ -218,6 +229,7 @@ class FeedbackIK:
             arm.position_max,
             rest,
             float(posture_gain) if spare else 0.0,
+            levers,
         )
 
     def retuned(self, gains: IKGains, damping: float) -> FeedbackIK:
@@ -277,6 +289,7 @@ class FeedbackIK:
             raise InputError("some targets have rates, some have none", remedy="give rates for all or none")
         if differentiated:
             law = law._replace(feed_forward=False)
+        targets = [self._of_point(t) for t in targets]
         samples = loops.Targets(
             np.stack([t.position for t in targets]),
             np.stack([t.rotation for t in targets]),
@@ -286,13 +299,11 @@ class FeedbackIK:
             h,
         )
         lead = (len(targets), (len(targets[0].position) + 1) // 2)
-        steps = (lead[0], lead[1] - 1)
-        q, qd, errors = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.empty((*lead, 3))
-        fastest, turning, flags = np.empty((*steps, arm.dof)), np.empty(steps), np.zeros(lead, dtype=np.int64)
+        q, qd, flags = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.zeros(lead, dtype=np.int64)
+        errors, bounds = np.empty((*lead, 3)), np.empty((*lead, 4))
         q[:, 0] = first
-        method = INTEGRATORS.index(integrator)
-        loops.track_many(arm.model, law, method, samples, q, qd, errors, fastest, turning, flags)
-        for array in (q, qd, errors, flags):
+        loops.track_many(self._model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
+        for array in (q, qd, errors, bounds, flags):
             array.setflags(write=False)
         return tuple(
             IKRun(
@@ -303,10 +314,19 @@ class FeedbackIK:
                 approach_error=errors[b, :, 1],
                 orientation_error=errors[b, :, 2],
                 flags=flags[b],
-                bounds=self._bounds(law, method, target, errors[b, 0], fastest[b], turning[b], flags[b]),
+                bounds=_bounds(law, target, bounds[b]),
             )
             for b, target in enumerate(targets)
         )
+
+    def _of_point(self, target: PoseTarget) -> PoseTarget:
+        """The target of the point that is tracked."""
+        if not self._offset.any():
+            return target
+        arm = target.rotation @ self._offset
+        velocity = target.velocity + np.cross(target.angular_velocity, arm)
+        change = 2.0 / target.step * np.linalg.norm(np.diff(velocity, axis=0), axis=1).max()
+        return replace(target, position=target.position + arm, velocity=velocity, acceleration=float(change))
 
     def joint_speeds(self, q: ArrayLike, target: PoseTarget, index: int) -> tuple[Array, int]:
         """The law once, at the posture q (n,): joint speeds (n,) for row ``index`` of the target, and its flags.
@@ -323,60 +343,32 @@ class FeedbackIK:
                 f"q = {q}, row {index} of a target of {len(target.position)}", remedy="give finite q, an existing row"
             )
         law = self._law._replace(feed_forward=False) if target.differentiated else self._law
-        samples = loops.Targets(
-            target.position, target.rotation, target.velocity, target.angular_velocity, 2, target.step
-        )
+        row = slice(index, index + 1)
+        p, R, v, w = (a[row] for a in (target.position, target.rotation, target.velocity, target.angular_velocity))
+        if self._offset.any():
+            p, v = p + R @ self._offset, v + np.cross(w, R @ self._offset)
         qd = np.empty(self.arm.dof)
-        flags = loops.law_at(self.arm.model, law, q, samples, index, qd)
+        flags = loops.law_at(self._model, law, q, loops.Targets(p, R, v, w, 2, target.step), 0, qd)
         return qd, int(flags)
 
-    def _bounds(
-        self,
-        law: loops.Law,
-        method: int,
-        target: PoseTarget,
-        first: Array,
-        fastest: Array,
-        turning: Array,
-        flags: NDArray[np.int64],
-    ) -> IKBounds:
-        bounds = np.empty((len(fastest) + 1, 3))
-        bounds[0] = first
-        h = target.step
-        speed, spin = (
-            np.maximum(np.maximum(size[:-2:2], size[1:-1:2]), size[2::2])
-            for size in (np.linalg.norm(target.velocity, axis=1), np.linalg.norm(target.angular_velocity, axis=1))
-        )
-        # Rates between the rows: from a row at most a quarter of a step away.
-        speed, spin = speed + 0.25 * h * target.acceleration, spin + 0.25 * h * target.angular_acceleration
-        loops.error_bounds(
-            law,
-            method,
-            h,
-            self._loose,
-            self._levers,
-            self._bends,
-            self._turns,
-            fastest,
-            turning,
-            flags,
-            speed,
-            spin,
-            target.acceleration,
-            target.angular_acceleration,
-            bounds,
-        )
-        bounds.setflags(write=False)
-        v, w = (0.0, 0.0) if law.feed_forward else (float(speed.max()), float(spin.max()))
-        return IKBounds(
-            position=bounds[:, 0],
-            approach=bounds[:, 1],
-            orientation=bounds[:, 2],
-            joint_speed=law.speed_max,
-            ultimate_position=v / law.position_gain,
-            ultimate_approach=_ultimate(law, w, whole=False),
-            ultimate_orientation=_ultimate(law, w, whole=True),
-        )
+
+def _bounds(law: loops.Law, target: PoseTarget, bounds: Array) -> IKBounds:
+    v = w = 0.0
+    if not law.feed_forward:  # rates between the rows: from a row at most a quarter of a step away
+        v, w = (float(np.linalg.norm(rate, axis=1).max()) for rate in (target.velocity, target.angular_velocity))
+        v, w = v + 0.25 * target.step * target.acceleration, w + 0.25 * target.step * target.angular_acceleration
+    between = bounds[:, 3] + 0.125 * target.step**2 * target.acceleration
+    between.setflags(write=False)
+    return IKBounds(
+        position=bounds[:, 0],
+        approach=bounds[:, 1],
+        orientation=bounds[:, 2],
+        position_between=between,
+        joint_speed=law.speed_max,
+        ultimate_position=v / law.position_gain,
+        ultimate_approach=_ultimate(law, w, whole=False),
+        ultimate_orientation=_ultimate(law, w, whole=True),
+    )
 
 
 def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
@@ -403,11 +395,6 @@ def _span(columns: Array) -> Array:
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     rank = int((s > 1e-9 * max(s[0], 1e-12)).sum())
     return np.eye(3) if rank == 3 else np.asarray(U[:, :rank].T)
-
-
-def _outside(span: Array, rows: Array) -> bool:
-    """Is there a direction of ``span`` that the rows do not hold."""
-    return bool(np.abs(span - span @ rows.T @ rows).max(initial=0.0) > 1e-9)
 
 
 def _task(arm: Arm, task: TaskName | ArrayLike, linear: Array, angular: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Inner loops of ``FeedbackIK``: the law, the damped inverse, one run over sampled targets, and its error bounds.
+"""Inner loops of ``FeedbackIK``: the law, the damped inverse, one run over sampled targets with its error bounds.
 
 Nothing is checked here: callers pass float64 arrays of the right shape. SI units, radians; vectors in world axes.
 """
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.robots import ArmModel, kernels, njit
+from armtempo.robots import ArmModel, inlined, njit
 
 __all__ = [
     "DAMPED",
@@ -21,19 +21,27 @@ __all__ = [
     "SPEED",
     "STRAY",
     "TWIST",
+    "UNREACHED",
     "Law",
+    "Scratch",
     "Targets",
-    "error_bounds",
+    "asked",
+    "inverse",
     "law_at",
+    "scaled",
+    "scratch",
+    "tip_and_jacobian",
     "track",
     "track_many",
+    "feedback_turning",
 ]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Quaternion = tuple[float, float, float, float]
 
 # What a step did beyond the plain law, as bits.
-DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY = 1, 2, 4, 8, 16, 32, 64
+DAMPED, TWIST, SPEED, LIMIT, ESCAPE, PROJECTED, STRAY, UNREACHED = 1, 2, 4, 8, 16, 32, 64, 128
 EULER, HEUN, RK4 = 0, 1, 2
 FLOOR = 2e-3  # singular values, as a share of the damping, that a singular posture is left with
 FLEE = 0.02  # sine of the error that the law is told at least, where it would see none at 180 degrees
@@ -62,6 +70,8 @@ class Law(NamedTuple):
     position_max: Floats
     posture: Floats
     posture_gain: float
+    levers: Floats
+    """(n,) [m] how far a unit of each joint moves the tip at most."""
 
 
 class Targets(NamedTuple):
@@ -75,8 +85,7 @@ class Targets(NamedTuple):
     step: float
 
 
-class _Scratch(NamedTuple):
-    R: Floats
+class Scratch(NamedTuple):
     p: Floats
     J: Floats
     A: Floats
@@ -91,14 +100,17 @@ class _Scratch(NamedTuple):
     tip: Floats
     """(4, 3) the tip's position and the columns n, s, a of its rotation."""
     error: Floats
-    """(5,) position [m], approach, whole rotation [rad], feedback's angular speed [rad/s], smallest damped value."""
+    """(3,) position [m], approach, whole rotation [rad]."""
+    feedback: Floats
+    """(6,) the twist that the feedback asks for."""
+    before: Floats
+    """(6, n) the Jacobian at a step's start."""
     free: NDArray[np.bool_]
 
 
 @njit
-def _scratch(n: int, m: int) -> _Scratch:
-    return _Scratch(
-        np.empty((n, 3, 3)),
+def scratch(n: int, m: int) -> Scratch:
+    return Scratch(
         np.empty((n, 3)),
         np.empty((6, n)),
         np.empty((m, n)),
@@ -110,39 +122,79 @@ def _scratch(n: int, m: int) -> _Scratch:
         np.empty(m),
         np.zeros(m + 1),
         np.empty((4, 3)),
-        np.empty(5),
+        np.empty(3),
+        np.empty(6),
+        np.empty((6, n)),
         np.empty(n, dtype=np.bool_),
     )
 
 
 @njit
-def _tip_and_jacobian(model: ArmModel, q: Floats, w: _Scratch) -> None:
-    n = q.shape[0]
-    kernels.link_frames(model, q, w.R, w.p)
-    last, tip = w.R[n - 1], w.tip
-    for r in range(3):
-        tip[0, r] = w.p[n - 1, r]
-        for c in range(3):
-            tip[0, r] += last[r, c] * model.tip_p[c]
-            tip[1 + c, r] = (
-                last[r, 0] * model.tip_R[0, c] + last[r, 1] * model.tip_R[1, c] + last[r, 2] * model.tip_R[2, c]
-            )
+def tip_and_jacobian(model: ArmModel, q: Floats, w: Scratch) -> None:
+    """Into w.tip and w.J. In one piece, in scalars: calls that pass a model cost more than its sums."""
+    n, tip, J, points = q.shape[0], w.tip, w.J, w.p
+    B = model.base_R
+    a, b, c = B[0, 0], B[0, 1], B[0, 2]
+    d, e, f = B[1, 0], B[1, 1], B[1, 2]
+    g, h, k = B[2, 0], B[2, 1], B[2, 2]
+    px, py, pz = model.base_p[0], model.base_p[1], model.base_p[2]
     for i in range(n):
-        B, a = w.R[i], model.axis[i]
-        z0 = B[0, 0] * a[0] + B[0, 1] * a[1] + B[0, 2] * a[2]
-        z1 = B[1, 0] * a[0] + B[1, 1] * a[1] + B[1, 2] * a[2]
-        z2 = B[2, 0] * a[0] + B[2, 1] * a[1] + B[2, 2] * a[2]
+        x, y, z = model.placement_p[i, 0], model.placement_p[i, 1], model.placement_p[i, 2]
+        px, py, pz = px + a * x + b * y + c * z, py + d * x + e * y + f * z, pz + g * x + h * y + k * z
+        P = model.placement_R[i]
+        x, y, z = P[0, 0], P[1, 0], P[2, 0]
+        a0, d0, g0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = P[0, 1], P[1, 1], P[2, 1]
+        b0, e0, h0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = P[0, 2], P[1, 2], P[2, 2]
+        c0, f0, k0 = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + k * z
+        x, y, z = model.axis[i, 0], model.axis[i, 1], model.axis[i, 2]
+        u, v, t = a0 * x + b0 * y + c0 * z, d0 * x + e0 * y + f0 * z, g0 * x + h0 * y + k0 * z
         if model.prismatic[i]:
-            w.J[0, i], w.J[1, i], w.J[2, i] = z0, z1, z2
-            w.J[3, i], w.J[4, i], w.J[5, i] = 0.0, 0.0, 0.0
+            a, b, c, d, e, f, g, h, k = a0, b0, c0, d0, e0, f0, g0, h0, k0
+            px, py, pz = px + q[i] * u, py + q[i] * v, pz + q[i] * t
+            J[0, i], J[1, i], J[2, i] = u, v, t
+            J[3, i], J[4, i], J[5, i] = 0.0, 0.0, 0.0
         else:
-            x, y, z = tip[0, 0] - w.p[i, 0], tip[0, 1] - w.p[i, 1], tip[0, 2] - w.p[i, 2]
-            w.J[0, i], w.J[1, i], w.J[2, i] = z1 * z - z2 * y, z2 * x - z0 * z, z0 * y - z1 * x
-            w.J[3, i], w.J[4, i], w.J[5, i] = z0, z1, z2
+            # Each row r of the turned frame: cos r + (1 - cos) (r . axis) axis + sin (r x axis).
+            s, co = math.sin(q[i]), math.cos(q[i])
+            m = (1.0 - co) * u
+            a, b, c = (
+                co * a0 + m * x + s * (b0 * z - c0 * y),
+                co * b0 + m * y + s * (c0 * x - a0 * z),
+                co * c0 + m * z + s * (a0 * y - b0 * x),
+            )
+            m = (1.0 - co) * v
+            d, e, f = (
+                co * d0 + m * x + s * (e0 * z - f0 * y),
+                co * e0 + m * y + s * (f0 * x - d0 * z),
+                co * f0 + m * z + s * (d0 * y - e0 * x),
+            )
+            m = (1.0 - co) * t
+            g, h, k = (
+                co * g0 + m * x + s * (h0 * z - k0 * y),
+                co * h0 + m * y + s * (k0 * x - g0 * z),
+                co * k0 + m * z + s * (g0 * y - h0 * x),
+            )
+            points[i, 0], points[i, 1], points[i, 2] = px, py, pz
+            J[3, i], J[4, i], J[5, i] = u, v, t
+    x, y, z = model.tip_p[0], model.tip_p[1], model.tip_p[2]
+    px, py, pz = px + a * x + b * y + c * z, py + d * x + e * y + f * z, pz + g * x + h * y + k * z
+    tip[0, 0], tip[0, 1], tip[0, 2] = px, py, pz
+    for r in range(3):
+        x, y, z = model.tip_R[0, r], model.tip_R[1, r], model.tip_R[2, r]
+        tip[1 + r, 0] = a * x + b * y + c * z
+        tip[1 + r, 1] = d * x + e * y + f * z
+        tip[1 + r, 2] = g * x + h * y + k * z
+    for i in range(n):
+        if not model.prismatic[i]:
+            x, y, z = px - points[i, 0], py - points[i, 1], pz - points[i, 2]
+            u, v, t = J[3, i], J[4, i], J[5, i]
+            J[0, i], J[1, i], J[2, i] = v * z - t * y, t * x - u * z, u * y - v * x
 
 
-@njit
-def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
+@inlined
+def feedback_turning(law: Law, w: Scratch, Rd: Floats) -> int:
     """The feedback's angular velocity into w.x[3:], the errors of orientation into w.error; flags."""
     flags = 0
     n, s, a = w.tip[1], w.tip[2], w.tip[3]
@@ -191,23 +243,24 @@ def _turning(law: Law, w: _Scratch, Rd: Floats) -> int:
             flags |= ESCAPE
             t = FLEE * around if t >= 0.0 else -FLEE * around
         fx, fy, fz = law.approach_gain * u, law.approach_gain * v, law.normal_gain * t
-    w.error[3] = math.sqrt(fx * fx + fy * fy + fz * fz)
     for r in range(3):
         w.x[3 + r] = fx * n[r] + fy * s[r] + fz * a[r]
     return flags
 
 
-@njit
-def _asked(law: Law, x: Floats, i: int) -> float:
-    """Row i of the scaled task's part of a twist; six rows are all of it, whatever their axes."""
-    if law.task.shape[0] == 6:
-        return float(x[i] / law.length if i < 3 else x[i])
-    row = law.task[i]
-    linear = row[0] * x[0] + row[1] * x[1] + row[2] * x[2]
-    return float(linear / law.length + row[3] * x[3] + row[4] * x[4] + row[5] * x[5])
+@inlined
+def asked(task: Floats, length: float, x: Floats, out: Floats) -> None:
+    """The scaled task's part of a twist, into out (m,); six rows are all of it, whatever their axes."""
+    m = task.shape[0]
+    for i in range(m):
+        if m == 6:
+            out[i] = x[i] / length if i < 3 else x[i]
+        else:
+            out[i] = (task[i, 0] * x[0] + task[i, 1] * x[1] + task[i, 2] * x[2]) / length
+            out[i] += task[i, 3] * x[3] + task[i, 4] * x[4] + task[i, 5] * x[5]
 
 
-@njit
+@inlined
 def _cap(x: Floats, first: int, most: float) -> bool:
     size = math.sqrt(x[first] ** 2 + x[first + 1] ** 2 + x[first + 2] ** 2)
     if size <= most:
@@ -217,7 +270,7 @@ def _cap(x: Floats, first: int, most: float) -> bool:
     return True
 
 
-@njit
+@inlined
 def _cholesky(G: Floats, shift: float, C: Floats) -> bool:
     """C C^T = G - shift I; False where that is not positive definite."""
     m = G.shape[0]
@@ -254,7 +307,7 @@ def _jacobi(G: Floats, V: Floats) -> None:
             return
         for i in range(m):
             for j in range(i + 1, m):
-                if G[i, j] == 0.0:
+                if G[i, j] * G[i, j] <= 1e-32 * abs(G[i, i] * G[j, j]):
                     continue
                 theta = 0.5 * (G[j, j] - G[i, i]) / G[i, j]
                 t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
@@ -272,8 +325,8 @@ def _jacobi(G: Floats, V: Floats) -> None:
                     V[k, i], V[k, j] = c * left - s * right, s * left + c * right
 
 
-@njit
-def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
+@inlined
+def inverse(w: Scratch, damping: float, most: float, step: float) -> bool:
     """w.y: (A A^T)^-1 (w.y - w.z) over the free joints, with damping; was anything damped?
 
     w.y, what is asked for, has 2/(damping^2 + s^2) in place of 1/s^2 for small s, and ``most`` of it there at most:
@@ -304,16 +357,16 @@ def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
     V = w.V
     _jacobi(G, V)
     for k in range(m):
-        asked = undone = 0.0
+        wanted = undone = 0.0
         for i in range(m):
-            asked += V[i, k] * y[i]
+            wanted += V[i, k] * y[i]
             undone += V[i, k] * w.z[i]
         square = max(G[k, k], 0.0)
         if square > damping * damping:
-            asked /= square
+            wanted /= square
         else:
-            asked = min(max(asked, -most), most)
-            asked *= 2.0 / (max(damping * damping, 2.0 * step * abs(asked)) + square)
+            wanted = min(max(wanted, -most), most)
+            wanted *= 2.0 / (max(damping * damping, 2.0 * step * abs(wanted)) + square)
             size = 0.0
             for j in range(n):
                 if w.free[j]:
@@ -325,9 +378,9 @@ def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
             if size < FLOOR * damping:  # as good as singular: ``_leave`` decides
                 for i in range(m):
                     w.lost[i] = V[i, k]
-                w.lost[m] = asked * FLOOR * damping
-                asked = 0.0
-        C[0, k] = asked - undone / (square + 1e-12)
+                w.lost[m] = wanted * FLOOR * damping
+                wanted = 0.0
+        C[0, k] = wanted - undone / (square + 1e-12)
     for i in range(m):
         y[i] = 0.0
         for k in range(m):
@@ -335,8 +388,8 @@ def _inverse(w: _Scratch, damping: float, most: float, step: float) -> bool:
     return True
 
 
-@njit
-def _scaled(law: Law, w: _Scratch) -> None:
+@inlined
+def scaled(law: Law, w: Scratch) -> None:
     """The task's rows of the Jacobian w.J, scaled, into w.A."""
     m, n = w.A.shape
     for i in range(m):
@@ -350,14 +403,14 @@ def _scaled(law: Law, w: _Scratch) -> None:
 
 
 @njit
-def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: Floats) -> None:
+def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: Scratch, qd: Floats) -> None:
     """Adds to qd what is asked for the singular direction w.lost where that leads away from the singularity.
 
     A straight arm could not be bent again by the damped inverse alone, and one that is pulled on would pass through
     straight and come back with its elbow on the other side: it stops short of that.
     """
     m, n = w.A.shape
-    along, at = np.zeros(n), q.copy()
+    along, at, near = np.zeros(n), q.copy(), scratch(n, m)
     size = 0.0
     for k in range(n):
         if w.free[k]:
@@ -370,14 +423,14 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: F
     for k in range(n):
         along[k] *= w.lost[m] / size
         at[k] += 1e-4 * along[k] / abs(w.lost[m])
-    _tip_and_jacobian(model, at, w)
-    _scaled(law, w)
+    tip_and_jacobian(model, at, near)
+    scaled(law, near)
     there = 0.0
     for k in range(n):
         if w.free[k]:
             side = 0.0
             for i in range(m):
-                side += w.A[i, k] * w.lost[i]
+                side += near.A[i, k] * w.lost[i]
             there += side * side
     if math.sqrt(there) <= size:
         return
@@ -389,13 +442,13 @@ def _leave(model: ArmModel, law: Law, q: Floats, step: float, w: _Scratch, qd: F
 
 @njit
 def _law(
-    model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: _Scratch, posture_rate: Floats, qd: Floats
+    model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: Scratch, posture_rate: Floats, qd: Floats
 ) -> int:
     """Joint speeds of the law at q for sample ``at`` of the targets, into qd (n,); flags. Errors into w.error."""
     n, m = q.shape[0], law.task.shape[0]
     x, A = w.x, w.A
-    _tip_and_jacobian(model, q, w)
-    flags = _turning(law, w, targets.rotation[at])
+    tip_and_jacobian(model, q, w)
+    flags = feedback_turning(law, w, targets.rotation[at])
     square = 0.0
     for r in range(3):
         off = targets.position[at, r] - w.tip[0, r]
@@ -404,8 +457,11 @@ def _law(
     w.error[0] = math.sqrt(square)
     # A step must not jump across a singular posture: the faster the feedback would have the tip, the more is damped.
     pull = 0.0
+    asked(law.task, law.length, x, w.y)
     for i in range(m):
-        pull += _asked(law, x, i) ** 2
+        pull += w.y[i] * w.y[i]
+    for r in range(6):
+        w.feedback[r] = x[r]
     if law.feed_forward:
         for r in range(3):
             x[r] += targets.velocity[at, r]
@@ -423,7 +479,7 @@ def _law(
             row = law.task[i]
             astray -= (row[0] * x[0] + row[1] * x[1] + row[2] * x[2]) ** 2
             left -= (row[3] * x[3] + row[4] * x[4] + row[5] * x[5]) ** 2
-    _scaled(law, w)
+    scaled(law, w)
     if left > 1e-14 * (1.0 + x[3] * x[3] + x[4] * x[4] + x[5] * x[5]):
         flags |= PROJECTED
     if astray > 1e-14 * (1.0 + x[0] * x[0] + x[1] * x[1] + x[2] * x[2]):
@@ -435,15 +491,16 @@ def _law(
         w.free[k] = True
         qd[k] = posture_rate[k]
     for _ in range(n + 1):
+        asked(law.task, law.length, x, w.y)
         for i in range(m):  # what the joints that are held leave to the others
-            w.y[i], w.z[i] = _asked(law, x, i), 0.0
+            w.z[i] = 0.0
             for k in range(n):
                 if w.free[k]:
                     w.z[i] += A[i, k] * qd[k]
                 else:
                     w.y[i] -= A[i, k] * qd[k]
         w.lost[m] = 0.0
-        damped = _inverse(w, damping, law.pull_max, targets.step)
+        damped = inverse(w, damping, law.pull_max, targets.step)
         again = False
         for k in range(n):
             if not w.free[k]:
@@ -480,7 +537,7 @@ def _law(
     return flags
 
 
-@njit
+@inlined
 def _posture(law: Law, q: Floats, rate: Floats) -> None:
     for k in range(q.shape[0]):
         rate[k] = law.posture_gain * (law.posture[k] - q[k])
@@ -490,7 +547,7 @@ def _posture(law: Law, q: Floats, rate: Floats) -> None:
 @njit
 def law_at(model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, qd: Floats) -> int:
     """The law once: joint speeds at q for row ``at`` of the targets, into qd (n,); flags."""
-    w, rate = _scratch(q.shape[0], law.task.shape[0]), np.zeros(q.shape[0])
+    w, rate = scratch(q.shape[0], law.task.shape[0]), np.zeros(q.shape[0])
     _posture(law, q, rate)
     return int(_law(model, law, q, targets, at, w, rate, qd))
 
@@ -504,19 +561,18 @@ def track(
     q: Floats,
     qd: Floats,
     errors: Floats,
-    fastest: Floats,
-    turning: Floats,
+    bounds: Floats,
     flags: Integers,
 ) -> None:
     """One run from q[0].
 
-    Into q, qd (T, n): positions, and the law's speeds there; errors (T, 3): position, approach, whole rotation;
-    fastest (T - 1, n): greatest joint speeds of a step's stages; turning (T - 1,): greatest feedback turning speed
-    [rad/s] of its stages; flags (T,).
+    Into q, qd (T, n): positions, and the law's speeds there; errors (T, 3): position, approach, whole rotation; bounds
+    (T, 4): of these, and of the position up to the next sample (of a
+    target that moves evenly); flags (T,).
     """
     steps, n = q.shape[0] - 1, q.shape[1]
-    w = _scratch(n, law.task.shape[0])
-    rate = np.zeros(n)
+    w = scratch(n, law.task.shape[0])
+    rate, feedback = np.zeros(n), np.empty(6)
     k1, k2, k3, k4, at = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     h, stride = targets.step, targets.stride
     for k in range(steps + 1):
@@ -527,46 +583,48 @@ def track(
             qd[k, i] = k1[i]
         for r in range(3):
             errors[k, r] = w.error[r]
+            if k == 0:
+                bounds[0, r] = w.error[r]
         if k == steps:
             flags[k] = flag
+            bounds[k, 3] = bounds[k, 0]
             return
-        turn = w.error[3]
+        plain = flag & ESCAPE == 0
+        for r in range(6):
+            feedback[r] = w.feedback[r]
+            for i in range(n):
+                w.before[r, i] = w.J[r, i]
         if method == HEUN:
             for i in range(n):
                 at[i] = q[k, i] + h * k1[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + stride, w, rate, k2)
-            turn = max(turn, w.error[3])
         elif method == RK4:
             for i in range(n):
                 at[i] = q[k, i] + 0.5 * h * k1[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 1, w, rate, k2)
-            turn = max(turn, w.error[3])
             for i in range(n):
                 at[i] = q[k, i] + 0.5 * h * k2[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 1, w, rate, k3)
-            turn = max(turn, w.error[3])
             for i in range(n):
                 at[i] = q[k, i] + h * k3[i]
             _posture(law, at, rate)
             flag |= _law(model, law, at, targets, here + 2, w, rate, k4)
-            turn = max(turn, w.error[3])
         for i in range(n):
-            speed, most = k1[i], abs(k1[i])
+            speed = k1[i]
             if method == HEUN:
-                speed, most = 0.5 * (k1[i] + k2[i]), max(most, abs(k2[i]))
+                speed = 0.5 * (k1[i] + k2[i])
             elif method == RK4:
                 speed = (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
-                most = max(most, abs(k2[i]), abs(k3[i]), abs(k4[i]))
-            fastest[k, i] = most
             moved = q[k, i] + h * speed
             if moved < law.position_min[i] or moved > law.position_max[i]:
                 flag |= LIMIT
                 moved = min(max(moved, law.position_min[i]), law.position_max[i])
             q[k + 1, i] = moved
-        turning[k] = turn
+            at[i] = moved - q[k, i]
+        _step_bounds(law, w.before, at, feedback, plain, targets, here, bounds[k], bounds[k + 1])
         flags[k] = flag
 
 
@@ -579,8 +637,7 @@ def track_many(
     q: Floats,
     qd: Floats,
     errors: Floats,
-    fastest: Floats,
-    turning: Floats,
+    bounds: Floats,
     flags: Integers,
 ) -> None:
     """``track`` for each of the first axis of all arrays (B, ...)."""
@@ -593,113 +650,149 @@ def track_many(
             targets.stride,
             targets.step,
         )
-        track(model, law, method, one, q[b], qd[b], errors[b], fastest[b], turning[b], flags[b])
+        track(model, law, method, one, q[b], qd[b], errors[b], bounds[b], flags[b])
 
 
 @njit
-def _decay(x: float, gain: float, cross: float, push: float, h: float) -> float:
-    """X' = -gain sin x + cross (1 - cos x) + push after h, exactly; pi where it gets there.
+def _decay(x: float, gain: float, cross: float, h: float) -> float:
+    """X' = -gain sin x + cross (1 - cos x) after h, exactly: with t = tan(x/2), t' = cross t^2 - gain t."""
+    if x >= math.pi:
+        return math.pi
+    t, left = math.tan(0.5 * x), math.exp(-gain * h)
+    rest = 1.0 - cross / gain * t * (1.0 - left)
+    return math.pi if rest <= 0.0 else min(2.0 * math.atan(t * left / rest), math.pi)
 
-    With t = tan(x/2) a Riccati equation: t' = (cross + push/2) t^2 - gain t + push/2, t = N/M with N, M linear.
+
+@njit
+def _quaternion(x: float, y: float, z: float) -> Quaternion:
+    """Of a rotation vector."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    s = math.sin(0.5 * angle) / angle if angle > 1e-8 else 0.5
+    return math.cos(0.5 * angle), s * x, s * y, s * z
+
+
+@njit
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] + a[2] * b[0] + a[3] * b[1] - a[1] * b[3],
+        a[0] * b[3] + a[3] * b[0] + a[1] * b[2] - a[2] * b[1],
+    )
+
+
+@njit
+def _angle(a: Quaternion) -> float:
+    return 2.0 * math.atan2(math.sqrt(a[1] * a[1] + a[2] * a[2] + a[3] * a[3]), abs(a[0]))
+
+
+@njit
+def _between(A: Floats, B: Floats) -> Quaternion:
+    """B A^T, a turn of less than a half."""
+    x = y = z = trace = 0.0
+    for c in range(3):
+        x += 0.5 * (B[2, c] * A[1, c] - B[1, c] * A[2, c])
+        y += 0.5 * (B[0, c] * A[2, c] - B[2, c] * A[0, c])
+        z += 0.5 * (B[1, c] * A[0, c] - B[0, c] * A[1, c])
+        trace += A[0, c] * B[0, c] + A[1, c] * B[1, c] + A[2, c] * B[2, c]
+    w = 0.5 * math.sqrt(max(1.0 + trace, 1e-12))
+    return w, x / (2.0 * w), y / (2.0 * w), z / (2.0 * w)
+
+
+@njit
+def _chord(J: Floats, dq: Floats, out: Floats) -> None:
+    """Where dq takes the tip, from the Jacobian, into out (7,): its place to third order, its turning to second.
+
+    out[6]: the second derivative of its place along dq.
     """
-    a, c = cross + 0.5 * push, 0.5 * push
-    N, M = math.sin(0.5 * x), math.cos(0.5 * x)
-    square = 0.25 * gain * gain - a * c
-    mu = math.sqrt(abs(square))
-    if square > 0.0:
-        even, odd = math.cosh(mu * h), math.sinh(mu * h) / mu
-    elif square < 0.0:
-        if mu * h >= 0.5 * math.pi:
-            return math.pi
-        even, odd = math.cos(mu * h), math.sin(mu * h) / mu
-    else:
-        even, odd = 1.0, h
-    N, M = even * N + odd * (-0.5 * gain * N + c * M), even * M + odd * (-a * N + 0.5 * gain * M)
-    return math.pi if M <= 0.0 else min(2.0 * math.atan2(N, M), math.pi)
+    fx = fy = fz = sx = sy = sz = tx = ty = tz = 0.0  # the place's derivatives by the joints from j on
+    wx = wy = wz = vx = vy = vz = 0.0  # their turning, and half its derivative
+    for j in range(dq.shape[0] - 1, -1, -1):
+        d = dq[j]
+        x, y, z = d * J[3, j], d * J[4, j], d * J[5, j]
+        jx, jy, jz = d * J[0, j], d * J[1, j], d * J[2, j]
+        ax, ay, az = jx + 3.0 * fx, jy + 3.0 * fy, jz + 3.0 * fz
+        ax, ay, az = y * az - z * ay + 3.0 * sx, z * ax - x * az + 3.0 * sy, x * ay - y * ax + 3.0 * sz
+        tx, ty, tz = tx + y * az - z * ay, ty + z * ax - x * az, tz + x * ay - y * ax
+        ax, ay, az = jx + 2.0 * fx, jy + 2.0 * fy, jz + 2.0 * fz
+        sx, sy, sz = sx + y * az - z * ay, sy + z * ax - x * az, sz + x * ay - y * ax
+        fx, fy, fz = fx + jx, fy + jy, fz + jz
+        vx, vy, vz = vx + 0.5 * (y * wz - z * wy), vy + 0.5 * (z * wx - x * wz), vz + 0.5 * (x * wy - y * wx)
+        wx, wy, wz = wx + x, wy + y, wz + z
+    out[0], out[1], out[2] = fx + sx / 2.0 + tx / 6.0, fy + sy / 2.0 + ty / 6.0, fz + sz / 2.0 + tz / 6.0
+    out[3], out[4], out[5] = wx + vx, wy + vy, wz + vz
+    out[6] = math.sqrt(sx * sx + sy * sy + sz * sz)
 
 
 @njit
-def error_bounds(
+def _step_bounds(
     law: Law,
-    method: int,
-    step: float,
-    loose: tuple[bool, bool],
-    levers: Floats,
-    bends: Floats,
-    turns: Floats,
-    fastest: Floats,
-    turning: Floats,
-    flags: Integers,
-    target_speed: Floats,
-    target_turning: Floats,
-    acceleration: float,
-    angular_acceleration: float,
-    bounds: Floats,
+    J: Floats,
+    dq: Floats,
+    feedback: Floats,
+    plain: bool,
+    targets: Targets,
+    here: int,
+    old: Floats,
+    new: Floats,
 ) -> None:
-    """Bounds (T, 3) of the errors of a run, from the errors at its start in bounds[0]; see ``FeedbackIK``.
+    """Bounds (4,) after a step dq from where the Jacobian was J, from those before; see ``FeedbackIK``.
 
-    loose: the arm can move, or turn, the tip where the task does not look: no law for that error.
-    levers (n,): how far a unit of each joint moves the tip at most; bends, turns (n, n): the same for the second
-    derivatives of its position and its rotation. target_speed, target_turning (T - 1,): greatest in each step.
+    feedback (6,): what the law asked for there; not ``plain``: it was not the law's (it left a half turn).
     """
-    steps, n = fastest.shape
-    z = law.position_gain * step
-    if method == EULER:
-        R = 1.0 - z
-    elif method == HEUN:
-        R = 1.0 - z + 0.5 * z * z
-    else:
-        R = 1.0 - z + z * z / 2.0 - z**3 / 6.0 + z**4 / 24.0
-    gain = min(law.approach_gain, law.normal_gain)
+    n, h = dq.shape[0], targets.step
+    then = here + targets.stride
+    move = np.empty(7)
+    _chord(J, dq, move)
+    # The next derivatives along dq at the worst posture: the fourth of the tip's place, the third of its turning.
+    turn = pairs = place = bend = spin = 0.0
+    for j in range(n):
+        u = abs(dq[j])
+        if J[3, j] * J[3, j] + J[4, j] * J[4, j] + J[5, j] * J[5, j] > 0.5:
+            place += law.levers[j] * ((turn + u) ** 4 - turn**4)
+            bend += law.levers[j] * ((turn + u) ** 3 - turn**3)
+            spin += u * (turn * turn + pairs)
+            pairs += u * turn
+            turn += u
+        else:
+            place += 4.0 * u * turn**3
+            bend += 3.0 * u * turn * turn
+    rest = place / 24.0
+    # The turn of an angular velocity that is not constant, against the turn of its mean.
+    slack = spin / 6.0 + turn * (pairs + spin) / 8.0 + 0.5 * (0.25 * pairs + spin / 6.0) ** 2
+
+    off = 0.0
+    for r in range(3):
+        off += (targets.position[then, r] - targets.position[here, r] - move[r] + h * feedback[r]) ** 2
+    new[0] = abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off) + rest
+    # Between the samples an error is off its chord by an eighth of its greatest second derivative: the tip's part.
+    old[3] = max(old[0], new[0]) + 0.125 * (move[6] + bend)
+
+    turned = _product(
+        _quaternion(-move[3], -move[4], -move[5]), _between(targets.rotation[here], targets.rotation[then])
+    )
+    apart = _angle(turned) + slack
+    for r in range(1, 3):
+        new[r] = min(old[r] + apart, math.pi)
+    if not plain:
+        return
+    fx, fy, fz = h * feedback[3], h * feedback[4], h * feedback[5]
+    fed = math.sqrt(fx * fx + fy * fy + fz * fz)
+    off = _angle(_product(_quaternion(fx, fy, fz), turned)) + slack
+    if law.quaternion:  # the turn is about the error's own axis
+        z = law.approach_gain * h
+        left = max(old[2] - 2.0 * z * math.sin(0.5 * old[2]), (z - 1.0) * old[2])
+        new[2] = min(new[2], left + off)
+        new[1] = min(new[1], new[2])
+        return
+    # The feedback does not stay what it was at the step's start, as that of the exact solution does.
+    chord = 2.0 * math.sin(min(0.5 * (old[2] + fed), 0.5 * math.pi))
     most = max(law.approach_gain, law.normal_gain)
-    cross = law.normal_gain / math.sqrt(27.0)
-    if law.quaternion:
-        gain = most = law.approach_gain
-        cross = 0.0
-    ff = 1.0 if law.feed_forward else 0.0
-    for k in range(steps):
-        u = fastest[k]
-        reach = bend = turn = spin = 0.0
-        for i in range(n):
-            reach += levers[i] * u[i]
-            turn += turns[i, i] * u[i]
-            for j in range(n):
-                bend += bends[i, j] * u[i] * u[j]
-                if i != j:
-                    spin += 0.5 * turns[i, j] * u[i] * u[j]
-        plain = flags[k] & (DAMPED | TWIST | SPEED | LIMIT | STRAY)
-        if plain == 0 and not loose[0]:
-            # What a stage at c h, reached from one at d h, may be off the linear law: half c^2 of the target's and of
-            # the tip's acceleration, and c d of the Jacobian's and the feed-forward's change.
-            change = bend + ff * acceleration
-            half = 0.5 * (bend + acceleration)
-            h2 = step * step
-            if method == EULER:
-                off = h2 * half
-            elif method == HEUN:
-                off = 0.5 * z * (h2 * half) + h2 * (half + 0.5 * change)
-            else:
-                s2 = h2 * 0.25 * half
-                s3 = 0.5 * z * s2 + h2 * (0.25 * half + 0.25 * change)
-                s4 = z * s3 + h2 * (half + 0.5 * change)
-                off = z * (2.0 * s2 + 2.0 * s3 + s4) / 6.0 + h2 * (half + 0.5 * change)
-            lag = 0.0 if law.feed_forward else abs(1.0 - R) / law.position_gain * target_speed[k]
-            bounds[k + 1, 0] = abs(R) * bounds[k, 0] + lag + off
-        else:
-            bounds[k + 1, 0] = bounds[k, 0] + step * (target_speed[k] + reach)
-        if plain == 0 and not loose[1] and flags[k] & (ESCAPE | PROJECTED) == 0:
-            push = (1.0 - ff) * target_turning[k]
-            fb = turning[k]
-            change = step * (spin + angular_acceleration)
-            rate = fb + push + change
-            push += change + step * (rate * (math.sqrt(2.0) * most + fb) + fb * target_turning[k])
-            if law.quaternion:
-                whole = 2.0 * _decay(0.5 * bounds[k, 2], gain, 0.0, 0.5 * push, step)
-                bounds[k + 1, 2] = min(whole, math.pi)
-                bounds[k + 1, 1] = bounds[k + 1, 2]
-            else:
-                bounds[k + 1, 1] = _decay(bounds[k, 1], law.approach_gain, 0.0, push, step)
-                bounds[k + 1, 2] = _decay(bounds[k, 2], gain, cross, push, step)
-        else:
-            for r in range(1, 3):
-                bounds[k + 1, r] = min(bounds[k, r] + step * (target_turning[k] + turn), math.pi)
+    change = min(law.approach_gain + law.normal_gain, most + (law.approach_gain + 3.0 * law.normal_gain) * chord)
+    for r in range(1, 3):
+        gain = law.approach_gain if r == 1 else min(law.approach_gain, law.normal_gain)
+        cross = 0.0 if r == 1 else law.normal_gain / math.sqrt(27.0)
+        late = 0.5 * h * change * fed
+        if math.tan(min(old[r] + fed, 1.57)) * cross >= gain or old[r] + fed >= 1.57:  # there errors part
+            late *= math.exp(math.sqrt(gain * gain + cross * cross) * h)
+        new[r] = min(new[r], _decay(old[r], gain, cross, h) + late + off)

@@ -58,7 +58,9 @@ class SphericalWristIK:
             raise _other(arm, f"the axes of its wrist miss each other by {max(off):.3g} m")
         self._z, self._p, self._wrist = z, p, wrist
         self._tip = tip
-        self._wrist_in_tip = tip[:3, :3].T @ (wrist - tip[:3, 3])
+        self.wrist_in_tip: Array = tip[:3, :3].T @ (wrist - tip[:3, 3])
+        """(3,) [m] the wrist's centre in the frame of the tip."""
+        self.wrist_in_tip.setflags(write=False)
         self._upper, self._fore = p[2] - p[1], wrist - p[2]
         self._plane = [v - z[1] * (z[1] @ v) for v in (self._upper, self._fore)]
         self._lengths = [float(np.linalg.norm(v)) for v in self._plane]
@@ -82,7 +84,7 @@ class SphericalWristIK:
         lead = T.shape[:-2]
         T = T.reshape(-1, 4, 4)
         out = np.empty((len(T), 2, 2, 2, 6))
-        target = T[:, :3, 3] + T[:, :3, :3] @ self._wrist_in_tip
+        target = T[:, :3, 3] + T[:, :3, :3] @ self.wrist_in_tip
         R = T[:, :3, :3] @ self._tip[:3, :3].T  # from zero to the target
         z = self._z
         with np.errstate(invalid="ignore"):
