@@ -242,7 +242,7 @@ def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "planar_two_link" in out
     assert "40.0 mm" in out
-    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend"}
+    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend", "ik"}
 
 
 def test_evaluate_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:

@@ -152,7 +152,7 @@ def test_motions_have_the_rates_they_say(seed: int) -> None:
     _, _, v, w = (np.asarray(part) for part in motion(t))
     (p0, R0, _, _), (p1, R1, _, _) = motion(t - h), motion(t + h)
     np.testing.assert_allclose((np.asarray(p1) - np.asarray(p0)) / (2 * h), v, atol=2e-4)
-    turn = (Rotation.from_matrix(R1) * Rotation.from_matrix(R0).inv()).as_rotvec()
+    turn = (Rotation.from_matrix(np.asarray(R1)) * Rotation.from_matrix(np.asarray(R0)).inv()).as_rotvec()
     np.testing.assert_allclose(turn / (2 * h), w, atol=2e-4)
     at_poses = np.asarray(motion(times)[2])
     np.testing.assert_allclose(at_poses, 0.0, atol=1e-12)
