@@ -14,7 +14,6 @@ from armtempo.agents._blend_baselines import (
     BlendBaseline,
     BlendPolicy,
     ConstantRate,
-    RandomRate,
     blend_baseline,
     highest_rate,
 )
@@ -28,7 +27,9 @@ from armtempo.agents._evaluate_blend import (
     run_blend_episode,
     speed_errors,
 )
-from armtempo.agents._policy import Actions, Observations, Policy, to_action
+from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
+from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
+from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
 
 __all__ = [
     "BLEND_POLICIES",
@@ -46,7 +47,6 @@ __all__ = [
     "Policy",
     "PolicyResult",
     "RandomPolicy",
-    "RandomRate",
     "blend_baseline",
     "evaluate",
     "evaluate_blend",
@@ -58,4 +58,14 @@ __all__ = [
     "run_episode",
     "speed_errors",
     "to_action",
+    "IKEvaluation",
+    "IKPolicyResult",
+    "evaluate_ik",
+    "IK_POLICIES",
+    "IKPolicy",
+    "LawPolicy",
+    "NewtonPolicy",
+    "ik_policy",
+    "RandomActions",
+    "SingleArmPolicy",
 ]

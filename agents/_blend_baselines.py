@@ -12,12 +12,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.agents._policy import to_action
+from armtempo.agents._policy import RandomActions, SingleArmPolicy, to_action
 from armtempo.envs import BlendTrackingEnv, MappingName
 from armtempo.errors import UnknownNameError
 from armtempo.planners import BlendCell, ProfileName, motion_demand
@@ -28,16 +28,8 @@ SAMPLES = 16001  # of a profile, for what it asks of the arm
 MARGIN = 1e-6
 
 
-class BlendPolicy(Protocol):
-    """Decides the feed rate of a blend cell's arm; baselines and learned agents alike."""
-
-    def reset(self, seed: int | None = None) -> None:
-        """Forget the last episode; all randomness comes from ``seed``."""
-        ...
-
-    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
-        """One action (1,) float32 in [-1, 1]."""
-        ...
+BlendPolicy = SingleArmPolicy[BlendTrackingEnv]
+"""Decides the feed rate of a blend cell's arm, (1,); baselines and learned agents alike."""
 
 
 @final
@@ -64,22 +56,6 @@ class ConstantRate:
         return self._found[1]
 
 
-@final
-class RandomRate:
-    """Uniform actions."""
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self, seed: int | None = None) -> None:
-        """Start the random numbers again."""
-        self._random = np.random.default_rng(seed)
-
-    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv) -> NDArray[np.float32]:
-        """Draw an action."""
-        return self._random.uniform(-1.0, 1.0, 1).astype(np.float32)
-
-
 @dataclass(frozen=True, kw_only=True)
 class BlendBaseline:
     """What an episode of a baseline needs: the environment's settings and a policy.
@@ -104,7 +80,7 @@ _BASELINES = {
     "constant": BlendBaseline(
         profile="line-speed", mapping="exact", curve=None, make=lambda: ConstantRate(None)
     ),
-    "random": BlendBaseline(profile="line-speed", mapping="exact", curve=None, make=RandomRate),
+    "random": BlendBaseline(profile="line-speed", mapping="exact", curve=None, make=RandomActions),
 }  # fmt: skip
 BLEND_POLICIES = tuple(_BASELINES)
 

@@ -12,10 +12,11 @@ import numpy as np
 
 from armtempo.agents._baselines import POLICIES, make_policy
 from armtempo.agents._evaluate_blend import BlendEvaluation, evaluate_blend
+from armtempo.agents._evaluate_ik import IKEvaluation, evaluate_ik
 from armtempo.agents._policy import Policy, chosen_policies
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, Mode, Schedule, schedule
+from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, IKCell, Mode, Schedule, TargetFamilyName, schedule
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,8 +139,20 @@ def evaluate(
     model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
 ) -> BlendEvaluation: ...
+@overload
 def evaluate(
-    cell: Cell | BlendCell,
+    cell: IKCell,
+    policies: Sequence[str] | None = None,
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    physics: Physics = "bullet",
+    family: TargetFamilyName = "given",
+    model_error: float = 0.0,
+    on_episode: Callable[[str, int], None] | None = None,
+) -> IKEvaluation: ...
+def evaluate(
+    cell: Cell | BlendCell | IKCell,
     policies: Sequence[str] | None = None,
     *,
     episodes: int = 1,
@@ -147,32 +160,34 @@ def evaluate(
     physics: Physics = "bullet",
     mode: Mode = "speed",
     master_late_s: float = 0.0,
-    family: FamilyName = "given",
+    family: FamilyName | TargetFamilyName = "given",
     model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
-) -> Evaluation | BlendEvaluation:
+) -> Evaluation | BlendEvaluation | IKEvaluation:
     """Run every policy for some episodes.
 
     Args:
-        cell: Where; of a blend cell ``evaluate_blend`` tells more.
-        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``); None: all of them that have a plan here.
+        cell: Where; of blend and IK cells ``evaluate_blend`` and ``evaluate_ik`` tell more.
+        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``, ``IK_POLICIES``); None: all of them that have a
+            plan here.
         episodes: Episodes per policy; baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up.
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         master_late_s: How long the first arm stands at its start [s].
-        family: Of the paths of a blend cell.
-        model_error: In a blend cell: the simulated bodies are heavier by this share than the controller believes.
+        family: Of the paths of a blend cell, or the targets of an IK cell.
+        model_error: In these: the simulated bodies are heavier by this share than the controller believes.
         on_episode: Called with policy and episode number after each, for progress bars.
 
     Raises:
         UnknownNameError: A policy that does not exist; the message lists those that do.
         InfeasibleError: A named policy has no schedule in this cell.
     """
-    if isinstance(cell, BlendCell):
+    if not isinstance(cell, Cell):
         if mode != "speed" or master_late_s:
             raise InputError("mode and master_late_s are for cells of several arms", remedy="leave them out")
-        return evaluate_blend(
+        one_arm: Any = evaluate_blend if isinstance(cell, BlendCell) else evaluate_ik
+        result: BlendEvaluation | IKEvaluation = one_arm(
             cell,
             policies,
             episodes=episodes,
@@ -182,8 +197,9 @@ def evaluate(
             model_error=model_error,
             on_episode=on_episode,
         )
+        return result
     if family != "given" or model_error:
-        raise InputError("family and model_error are for blend cells", remedy="leave them out")
+        raise InputError("family and model_error are for blend cells and ik cells", remedy="leave them out")
     chosen = chosen_policies(policies, POLICIES, episodes)
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
     try:

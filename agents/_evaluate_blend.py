@@ -18,7 +18,7 @@ from armtempo.agents._blend_baselines import (
     blend_baseline,
     planning_time,
 )
-from armtempo.agents._policy import chosen_policies
+from armtempo.agents._policy import chosen_policies, run_to_end
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
 from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand
 
@@ -121,13 +121,7 @@ def run_blend_episode(
     env: BlendTrackingEnv, policy: BlendPolicy, seed: int | None = None, options: dict[str, Any] | None = None
 ) -> tuple[BlendTrace, float]:
     """One episode to its end, in an ``env`` made with ``record``; returns its trace and the sum of all rewards."""
-    observation, _ = env.reset(seed=seed, options=options)
-    policy.reset(seed)
-    total, over = 0.0, False
-    while not over:
-        observation, reward, terminated, truncated, _ = env.step(policy.act(observation, env))
-        total += reward
-        over = terminated or truncated
+    total, _ = run_to_end(env, policy, seed, options)
     return env.trace, total
 
 

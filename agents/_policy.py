@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs import CoordinationEnv
+from armtempo.envs import BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv
 from armtempo.errors import InputError, UnknownNameError
 
 Observations = dict[str, NDArray[np.float32]]
 Actions = dict[str, NDArray[np.float32]]
+Env = TypeVar("Env", BlendTrackingEnv, FeedbackIKEnv)
+Met_contra = TypeVar("Met_contra", BlendTrackingEnv, FeedbackIKEnv, contravariant=True)
 
 
 class Policy(Protocol):
@@ -25,6 +27,48 @@ class Policy(Protocol):
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """One action (1,) float32 in [-1, 1] for every agent that is observed."""
         ...
+
+
+class SingleArmPolicy(Protocol[Met_contra]):
+    """Decides for the arm of an environment with one."""
+
+    def reset(self, seed: int | None = None) -> None:
+        """Forget the last episode; all randomness comes from ``seed``."""
+        ...
+
+    def act(self, observation: NDArray[np.float32], env: Met_contra) -> NDArray[np.float32]:
+        """One action of the environment's space."""
+        ...
+
+
+@final
+class RandomActions:
+    """Uniform actions."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Start the random numbers again."""
+        self._random = np.random.default_rng(seed)
+
+    def act(self, observation: NDArray[np.float32], env: BlendTrackingEnv | FeedbackIKEnv) -> NDArray[np.float32]:
+        """Draw an action."""
+        return self._random.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+
+
+def run_to_end(
+    env: Env, policy: SingleArmPolicy[Env], seed: int | None = None, options: dict[str, Any] | None = None
+) -> tuple[float, dict[str, Any]]:
+    """One episode of one arm; returns the sum of its rewards and its last info."""
+    observation, info = env.reset(seed=seed, options=options)
+    policy.reset(seed)
+    total, over = 0.0, False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(policy.act(observation, env))
+        total += reward
+        over = terminated or truncated
+    return total, info
 
 
 def to_action(command: float) -> NDArray[np.float32]:

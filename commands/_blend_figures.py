@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from armtempo.commands._style import FAINT, INK, MUTED, arm_color, new_figure, note, policy_color, styled
+from armtempo.commands._one_arm_figures import LIMIT, legend, line_of, purposeful, torques
+from armtempo.commands._style import FAINT, INK, MUTED, arm_color, new_figure, note, styled
 from armtempo.planners import Blend, BlendCell
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SAMPLES = 2000
-LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
 BLEND = "#E69F00"
 SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 
@@ -32,26 +32,6 @@ def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.family == "given" else {}
     figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
     return {**figures, "torque": torques(traces)}
-
-
-def _line(name: str) -> dict[str, Any]:
-    random = name == "random"
-    return {
-        "color": policy_color(name),
-        "linewidth": 1.0 if random else 1.8,
-        "linestyle": (0, (1, 1.4)) if random else "-",
-        "zorder": 2.5 if random else 4.0,
-    }
-
-
-def _purposeful(traces: Mapping[str, BlendTrace]) -> dict[str, BlendTrace]:
-    """All but ``random``, which would hide the rest; unless it is alone."""
-    return {name: trace for name, trace in traces.items() if name != "random"} or dict(traces)
-
-
-def _legend(figure: Figure, names: Mapping[str, object], *more: Line2D) -> None:
-    handles = [Line2D([], [], label=name, **_line(name)) for name in names]
-    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=min(len(handles) + len(more), 6))
 
 
 def _windows(cell: BlendCell) -> list[tuple[float, float]]:
@@ -96,7 +76,7 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
         Line2D([], [], color=BLEND, linewidth=3.0, label="blend"),
         *allowed,
     )
-    _legend(figure, traces if allowed else {}, *handles)
+    legend(figure, traces if allowed else {}, *handles)
     return figure
 
 
@@ -117,7 +97,7 @@ def _contour_errors(axes: Axes, cell: BlendCell, traces: Mapping[str, BlendTrace
     _shade(axes, cell)
     for name, trace in traces.items():
         share = trace.s / trace.cell.blended.length * cell.blended.length  # other corners, other lengths
-        axes.semilogy(share, np.maximum(1e3 * trace.contour_error, SMALLEST_ERROR), **_line(name))
+        axes.semilogy(share, np.maximum(1e3 * trace.contour_error, SMALLEST_ERROR), **line_of(name))
     axes.axhline(allowed, **LIMIT)
     axes.set_ylim(0.5 * SMALLEST_ERROR, 4.0 * allowed)
     axes.set_xlabel("length along the path [m]")
@@ -135,17 +115,17 @@ def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
     speed.set_title("Line speed of the tip, point to point")
     error.set_title("Its error inside the blends")
     for name, trace in traces.items():
-        speed.plot(trace.time[1:], 1e3 * trace.line_speed[1:], **_line(name))
+        speed.plot(trace.time[1:], 1e3 * trace.line_speed[1:], **line_of(name))
         if name == "random":
             continue
         wanted = np.diff(trace.s, prepend=0.0) / float(trace.time[1])
-        error.plot(trace.time, 1e3 * np.where(in_blends(trace), trace.line_speed - wanted, np.nan), **_line(name))
+        error.plot(trace.time, 1e3 * np.where(in_blends(trace), trace.line_speed - wanted, np.nan), **line_of(name))
     error.axhline(0.0, color=FAINT, linewidth=0.8, zorder=1.0)
     speed.set_ylabel("speed [mm/s]")
     speed.set_ylim(bottom=0.0)
     error.set_ylabel("error [mm/s]")
     error.set_xlabel("time [s]")
-    _legend(figure, traces)
+    legend(figure, traces)
     return figure
 
 
@@ -155,7 +135,7 @@ def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
     figure = new_figure(8.6, 6.2)
     along, across, jerk = figure.subplots(3, 1, sharex=True)
     most = [1.0, 1.0, 1.0]
-    traces = _purposeful(traces)
+    traces = purposeful(traces)
     for name, trace in traces.items():
         cell, limits = trace.cell, trace.cell.limits
         _, d1, d2, d3 = cell.blended.derivatives(trace.s)
@@ -164,7 +144,7 @@ def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
         normal = np.linalg.norm(d2, axis=-1) * trace.v**2
         shares = (np.abs(trace.a) / limits.acceleration, normal / limits.normal, vector / limits.jerk)
         for k, (axes, share) in enumerate(zip((along, across, jerk), shares, strict=True)):
-            axes.plot(trace.time, share, **_line(name))
+            axes.plot(trace.time, share, **line_of(name))
             most[k] = max(most[k], float(share.max()))
     titles = ("Acceleration along the path", "Normal acceleration", "Jerk (of the whole vector)")
     for k, (axes, title) in enumerate(zip((along, across, jerk), titles, strict=True)):
@@ -173,25 +153,5 @@ def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
         axes.set_title(title)
         axes.set_ylabel("share of limit")
     jerk.set_xlabel("time [s]")
-    _legend(figure, traces, Line2D([], [], label="limit", **LIMIT))
-    return figure
-
-
-@styled
-def torques(traces: Mapping[str, BlendTrace]) -> Figure:
-    """Torque of every joint over time with its limits."""
-    shown = _purposeful(traces)
-    arm = next(iter(traces.values())).cell.arm
-    figure = new_figure(8.6, 1.1 + 1.25 * arm.dof)
-    for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):
-        limit = float(arm.torque_max[j])
-        for sign in (-1.0, 1.0):
-            axes.axhline(sign * limit, **LIMIT)
-        for name, trace in shown.items():
-            axes.step(trace.time[1:], trace.torque[1:, j], where="pre", **_line(name))
-        axes.set_ylim(-1.2 * limit, 1.2 * limit)
-        axes.set_ylabel("force [N]" if arm.model.prismatic[j] else "torque [N m]")
-        note(axes, 0.995, 0.84, arm.joint_names[j], va="top", ha="right", weight="bold")
-    axes.set_xlabel("time [s]")
-    _legend(figure, shown, Line2D([], [], label="limit", **LIMIT))
+    legend(figure, traces, Line2D([], [], label="limit", **LIMIT))
     return figure

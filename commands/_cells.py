@@ -11,7 +11,7 @@ import tyro
 from armtempo.commands._output import JsonFile, Output, new_table, number, open_any_cell, shown
 
 if TYPE_CHECKING:
-    from armtempo.planners import BlendCell, Cell
+    from armtempo.planners import BlendCell, Cell, IKCell
 
 
 def cells(
@@ -32,14 +32,17 @@ def cells(
     if cell is None:
         _list(output)
     else:
-        from armtempo.planners import BlendCell
+        from armtempo.planners import BlendCell, IKCell
 
         opened = open_any_cell(cell, output)
-        _show_blend(opened, output) if isinstance(opened, BlendCell) else _show(opened, output)
+        if isinstance(opened, IKCell):
+            _show_ik(opened, output)
+        else:
+            _show_blend(opened, output) if isinstance(opened, BlendCell) else _show(opened, output)
 
 
 def _list(output: Output) -> None:
-    from armtempo.configs import AnyCellConfig, BlendCellConfig, bundled_cells, load_cell_config
+    from armtempo.configs import AnyCellConfig, CellConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")
     table.add_column("cell", style="bold", no_wrap=True)
@@ -50,7 +53,7 @@ def _list(output: Output) -> None:
     entries = []
     for name in bundled_cells():
         config: AnyCellConfig = load_cell_config(name)
-        d_min = None if isinstance(config, BlendCellConfig) else config.d_min_m
+        d_min = config.d_min_m if isinstance(config, CellConfig) else None
         distance = "–" if d_min is None else f"{1e3 * d_min:g}"
         table.add_row(name, config.kind, str(len(config.arms)), distance, shown(config.description))
         entries.append(
@@ -236,4 +239,73 @@ def _show_blend(cell: BlendCell, output: Output) -> None:
         where = ", ".join(f"{1e3 * cell.blended.breakpoints[k]:.1f}" for k in jumps)
         output.say(f"The curvature jumps at {where} mm: what keeps the jerk has to stop there.")
     output.say(f"Certified: the path keeps clear of the arm's own links. File: {shown(cell.config.source)}")
+    output.json(facts)
+
+
+def describe_ik(cell: IKCell) -> dict[str, Any]:
+    """An IK cell in numbers, units in the keys; errors and speeds are those of the law's own run, tick by tick."""
+    run, target, law = cell.nominal, cell.target, cell.config.law
+    speed, turning = (np.linalg.norm(rate, axis=1).max() for rate in (target.velocity, target.angular_velocity))
+    return {
+        "cell": cell.name,
+        "kind": "ik",
+        "description": cell.config.description,
+        "file": str(cell.config.source),
+        "physics_tick_s": cell.physics_tick,
+        "control_period_s": cell.control_period,
+        "robot": str(cell.arm.urdf),
+        "joints": cell.arm.dof,
+        "joint_names": list(cell.arm.joint_names),
+        "start_rad": cell.start,
+        "torque_limit_nm": cell.arm.torque_max,
+        "speed_limit_rad_s": cell.arm.speed_max,
+        "duration_s": cell.duration,
+        "target_speed_max_m_s": float(speed),
+        "target_turning_max_rad_s": float(turning),
+        "position_gain_1_s": law.position_gain_1_s,
+        "approach_gain_1_s": law.approach_gain_1_s,
+        "normal_gain_1_s": law.normal_gain_1_s,
+        "damping": law.damping,
+        "task_rows": len(cell.solver.task),
+        "position_error_start_m": float(run.position_error[0]),
+        "orientation_error_start_rad": float(run.orientation_error[0]),
+        "position_error_max_m": float(run.position_error.max()),
+        "orientation_error_max_rad": float(run.orientation_error.max()),
+        "joint_speed_max_rad_s": np.abs(run.qd).max(axis=0),
+        "singular_value_min": float(cell.singular_value(run.q).min()),
+        "shares": run.share,
+    }
+
+
+def _show_ik(cell: IKCell, output: Output) -> None:
+    with output.progress(f"Measuring {cell.name}"):
+        facts = describe_ik(cell)
+    arm = cell.arm
+    table = new_table(
+        shown(f"{cell.name}: {cell.config.description}"),
+        f"arm {shown(arm.urdf.stem)}; peak speeds are those of the law's own run along the target",
+    )
+    table.add_column("joint", style="bold", no_wrap=True)
+    for head in ("start", "range", "speed\ncap", "peak\nspeed", "torque limit\n\\[N m]"):
+        table.add_column(head, justify="right")
+    for j, name in enumerate(arm.joint_names):
+        table.add_row(
+            shown(name),
+            number(float(cell.start[j]), 4),
+            f"{arm.position_min[j]:.3g} to {arm.position_max[j]:.3g}",
+            number(float(arm.speed_max[j]), 2),
+            number(float(facts["joint_speed_max_rad_s"][j]), 3),
+            f"{arm.torque_max[j]:g}",
+        )
+    output.table(table)
+    output.say(
+        f"The target lasts {number(facts['duration_s'], 2)} s and moves at up to "
+        f"{number(facts['target_speed_max_m_s'], 3)} m/s and {number(facts['target_turning_max_rad_s'], 3)} rad/s. "
+        f"The law alone stays within {1e3 * facts['position_error_max_m']:.2g} mm of it; the smallest singular value "
+        f"on the way is {number(facts['singular_value_min'], 3)}, damped is below {facts['damping']:g}."
+    )
+    output.say(
+        "Looked at, not certified: at postures of that run the drives can hold the arm, and it does not touch itself. "
+        f"File: {shown(cell.config.source)}"
+    )
     output.json(facts)

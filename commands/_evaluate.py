@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from armtempo.agents import Evaluation, PolicyResult
+    from armtempo.planners import BlendCell, IKCell
 
 NARROW = 100  # below this many columns the table leaves two out
 TIE = 1e-4  # [s] makespans this close share the bold print
@@ -38,7 +39,9 @@ def evaluate(
     physics: Literal["bullet", "ideal"] = "bullet",
     mode: Literal["speed", "acceleration"] = "speed",
     master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
-    family: Literal["given", "polyline", "zigzag", "line-arc"] = "given",
+    family: Literal[
+        "given", "polyline", "zigzag", "line-arc", "smooth", "near-singular", "partly-unreachable"
+    ] = "given",
     model_error: Annotated[float, tyro.conf.arg(metavar="SHARE")] = 0.0,
     json_file: JsonFile = None,
     out: OutFolder = None,
@@ -50,14 +53,15 @@ def evaluate(
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
         policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
             offset, interval, optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth,
-            constant, random.
+            constant, random; in ik cells feedback, feedback-ff, feedback-damped, newton, random.
         episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.
         mode: What an action means: a share of the highest safe speed, or of the admissible accelerations.
         master_late: Seconds by which the first arm starts late, which the others do not know.
-        family: Paths of a blend cell: the given one, or as many random ones as there are episodes.
-        model_error: In a blend cell: the simulated bodies are heavier by this share than the controller believes.
+        family: Paths of a blend cell (polyline, zigzag, line-arc) or targets of an ik cell (smooth, near-singular,
+            partly-unreachable): the given one, or as many random ones as there are episodes.
+        model_error: In a blend or ik cell: the simulated bodies are heavier by this share than the controller believes.
         json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
         figures: Draw pictures.
@@ -66,19 +70,23 @@ def evaluate(
     output = Output(json_file)
     built = open_any_cell(cell, output)
     from armtempo import agents
-    from armtempo.planners import BlendCell
+    from armtempo.planners import BlendCell, Cell
 
-    if isinstance(built, BlendCell):
-        _check_blend_options(physics, mode, master_late, model_error)
-        from armtempo.commands._evaluate_blend import evaluate_blend
+    if not isinstance(built, Cell):
+        _check_one_arm_options(built, physics, mode, master_late, model_error, family)
+        from armtempo.commands._evaluate_one_arm import evaluate_one_arm
 
-        evaluate_blend(
-            built, tuple(dict.fromkeys(policies)), output, out=out, figures=figures, family=family,
+        if isinstance(built, BlendCell):
+            from armtempo.commands._evaluate_blend import blend_report as report
+        else:
+            from armtempo.commands._evaluate_ik import ik_report as report
+        evaluate_one_arm(
+            built, tuple(dict.fromkeys(policies)), output, report, out=out, figures=figures, family=family,
             episodes=episodes, seed=seed, physics=physics, model_error=model_error,
         )  # fmt: skip
         return
     if family != "given" or model_error:
-        raise ArmtempoError("--family and --model-error are for blend cells", remedy="leave them out")
+        raise ArmtempoError("--family and --model-error are for blend cells and ik cells", remedy="leave them out")
     chosen = tuple(dict.fromkeys(policies)) or None
     with output.progress("Simulating", len(chosen or agents.POLICIES) * episodes) as (progress, task):
 
@@ -117,11 +125,20 @@ def _check_numbers(episodes: int, seed: int, master_late: float) -> None:
         )
 
 
-def _check_blend_options(physics: str, mode: str, master_late: float, model_error: float) -> None:
+def _check_one_arm_options(
+    cell: BlendCell | IKCell, physics: str, mode: str, master_late: float, model_error: float, family: str
+) -> None:
+    from armtempo.planners import PATH_FAMILIES, TARGET_FAMILIES, BlendCell
+
     if mode != "speed" or master_late:
         raise ArmtempoError("--mode and --master-late are for cells of several arms", remedy="leave them out")
     if model_error and physics == "ideal":
         raise ArmtempoError("--model-error needs bodies, and --physics ideal has none", remedy="take --physics bullet")
+    known = PATH_FAMILIES if isinstance(cell, BlendCell) else TARGET_FAMILIES
+    if family not in known:
+        raise ArmtempoError(
+            f"--family {family} does not exist in {cell.config.kind} cells", remedy=f"use one of {', '.join(known)}"
+        )
 
 
 def _finished(results: Mapping[str, PolicyResult]) -> dict[str, PolicyResult]:

@@ -2,55 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from armtempo.commands._output import Output, default_folder, new_table, number
+from armtempo.commands._evaluate_one_arm import Report, circumstances
+from armtempo.commands._output import Output, new_table, number
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
     from armtempo.agents import BlendEvaluation
-    from armtempo.planners import BlendCell, FamilyName
 
 OVER = 1.0 + 1e-3  # share of a limit from which the table prints it red: what ticks can resolve
 
 
-def evaluate_blend(
-    cell: BlendCell,
-    policies: tuple[str, ...],
-    output: Output,
-    *,
-    family: FamilyName,
-    out: Path | None,
-    figures: bool,
-    **options: Any,
-) -> None:
-    """Run, tabulate and draw; ``options`` as of ``agents.evaluate``."""
-    from armtempo import agents
-
-    chosen = policies or agents.BLEND_POLICIES
-    with output.progress("Simulating", len(chosen) * options["episodes"]) as (progress, task):
-
-        def on_episode(policy: str, episode: int) -> None:
-            progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
-
-        result = agents.evaluate(cell, chosen, family=family, on_episode=on_episode, **options)
-    _tabulate(result, output)
-    output.json(result.to_dict())
-    if figures:
-        from armtempo.commands._blend_figures import evaluation_figures
-        from armtempo.commands._plot import draw
-
-        folder = default_folder(cell, out)
-        with output.progress("Drawing"):
-            drawn = evaluation_figures(result)
-        output.pictures(folder, draw(drawn, folder, output))
-
-
 def _tabulate(evaluation: BlendEvaluation, output: Output) -> None:
     cell, limits = evaluation.cell, evaluation.cell.limits
-    paths = "" if evaluation.family == "given" else f"; {evaluation.episodes} random paths ({evaluation.family})"
-    if evaluation.model_error:
-        paths += f"; bodies {100.0 * evaluation.model_error:+g} % in mass"
+    paths = circumstances(evaluation.family, evaluation.episodes, evaluation.model_error, "paths")
     table = new_table(
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{paths})",
@@ -128,3 +97,18 @@ def reading(evaluation: BlendEvaluation) -> str:
             text += f" (at a constant rate: {number(keeping['constant'].duration_s, 3)} s)"
         said.append(text)
     return "; ".join(said) + "." if said else "No policy arrived within its limits."
+
+
+def _policies() -> Sequence[str]:
+    from armtempo.agents import BLEND_POLICIES
+
+    return BLEND_POLICIES
+
+
+def _figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
+    from armtempo.commands._blend_figures import evaluation_figures
+
+    return evaluation_figures(evaluation)
+
+
+blend_report = Report(policies=_policies, tabulate=_tabulate, figures=_figures)

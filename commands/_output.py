@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-    from armtempo.planners import BlendCell, Cell, Schedule
+    from armtempo.planners import BlendCell, Cell, IKCell, Schedule
 
 LOADING = "Loading {} (compiles once after installation, about a minute)"
 WIDTH = 118  # of tables that go to a file or a pipe
@@ -162,7 +162,7 @@ def open_cell(name: str, output: Output) -> Cell:
         return load_cell(name, Cell)
 
 
-def open_any_cell(name: str, output: Output) -> Cell | BlendCell:
+def open_any_cell(name: str, output: Output) -> Cell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
     with output.progress(LOADING.format(name)):
         from armtempo.planners import load_cell
@@ -205,6 +205,6 @@ def plan_all(
     return schedules, refusals, seconds
 
 
-def default_folder(cell: Cell | BlendCell, out: Path | None) -> Path:
+def default_folder(cell: Cell | BlendCell | IKCell, out: Path | None) -> Path:
     """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
     return Path("results") / cell.name if out is None else out

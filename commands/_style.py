@@ -35,6 +35,10 @@ POLICY_COLORS = {
     "limit-aware": "#D55E00",
     "limit-aware-smooth": "#009E73",
     "constant": "#CC79A7",
+    "feedback": "#0072B2",
+    "feedback-ff": "#D55E00",
+    "feedback-damped": "#009E73",
+    "newton": "#CC79A7",
 }
 ARM_COLORS = ("#24476B", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
@@ -118,5 +122,5 @@ def arm_color(i: int) -> str:
 def note(axes: Axes, x: float, y: float, text: str, *, data: bool = False, **options: Any) -> None:
     """A word in the picture, with a white halo; in axes coordinates, or in the data's."""
     transform = axes.transData if data else axes.transAxes
-    settings: dict[str, Any] = {"fontsize": 9.0, "path_effects": HALO, "zorder": 10.0, **options}
-    axes.text(x, y, text, transform=transform, **settings)
+    settings: dict[str, Any] = {"fontsize": 9.0, "path_effects": HALO, "zorder": 10.0, "transform": transform}
+    axes.text(x, y, text, **settings | options)

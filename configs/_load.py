@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -13,15 +13,15 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, CellConfig, RobotConfig
+from armtempo.configs._schema import AnyCellConfig, BlendCellConfig, CellConfig, IKCellConfig, RobotConfig
 from armtempo.errors import ConfigError, InputError, UnknownNameError
 
 _DATA = Path(__file__).parent
 _SUFFIXES = (".yaml", ".yml")
 _PYBULLET = "pybullet_data/"
-Kind = type[CellConfig] | type[BlendCellConfig]
-_KINDS: dict[str, Kind] = {"coordination": CellConfig, "blend": BlendCellConfig}
-_LATER_KINDS = ("ik",)
+Kind = type[CellConfig] | type[BlendCellConfig] | type[IKCellConfig]
+_KINDS: dict[str, Kind] = {"coordination": CellConfig, "blend": BlendCellConfig, "ik": IKCellConfig}
+_KIND_OF_KEY = {"blend": "blend", "line_speed": "blend", "target": "ik", "law": "ik", "arm": "blend or ik"}
 # pydantic's words and ours, which are those of YAML
 _WORDING = (
     (r"Input should be a valid dictionary or instance of \w+", "must be a mapping of keys to values"),
@@ -58,13 +58,15 @@ def data_path(name: str) -> Path:
 def load_cell_config(name_or_path: str | Path, kind: type[CellConfig] | None = None) -> CellConfig: ...
 @overload
 def load_cell_config(name_or_path: str | Path, kind: type[BlendCellConfig]) -> BlendCellConfig: ...
+@overload
+def load_cell_config(name_or_path: str | Path, kind: type[IKCellConfig]) -> IKCellConfig: ...
 def load_cell_config(name_or_path: str | Path, kind: Kind | None = None) -> AnyCellConfig:
     """Read a cell file.
 
     Args:
         name_or_path: A bundled cell's name (see :func:`bundled_cells`) or the path of a YAML file.
-        kind: ``CellConfig`` or ``BlendCellConfig``: refuse files of another kind. None: whatever the file says (type
-            checkers take it for a ``CellConfig``).
+        kind: ``CellConfig``, ``BlendCellConfig`` or ``IKCellConfig``: refuse files of another kind. None: whatever the
+            file says (type checkers take it for a ``CellConfig``).
 
     Raises:
         UnknownNameError: Neither a bundled cell nor a file.
@@ -93,6 +95,8 @@ def load_cell_config(name_or_path: str | Path, kind: Kind | None = None) -> AnyC
 def parse_cell_config(data: object, source: Path, kind: type[CellConfig] | None = None) -> CellConfig: ...
 @overload
 def parse_cell_config(data: object, source: Path, kind: type[BlendCellConfig]) -> BlendCellConfig: ...
+@overload
+def parse_cell_config(data: object, source: Path, kind: type[IKCellConfig]) -> IKCellConfig: ...
 def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> AnyCellConfig:
     """Check the contents of a cell file.
 
@@ -109,26 +113,28 @@ def parse_cell_config(data: object, source: Path, kind: Kind | None = None) -> A
         remedy = "start from a bundled cell such as configs/cells/lee1991.yaml"
         raise ConfigError(f"{source}: {what}", remedy=remedy, file=source, key="", value=data)
     said = data.get("kind")
-    if "kind" not in data and (blends := [key for key in ("blend", "line_speed", "arm") if key in data]):
+    if "kind" not in data and (telling := [key for key in _KIND_OF_KEY if key in data]):
+        kinds = _KIND_OF_KEY[telling[0]]
         raise ConfigError(
-            f"{source}: kind: missing, and {blends[0]} belongs to cells of kind blend",
-            remedy="add kind: blend",
+            f"{source}: kind: missing, and {telling[0]} belongs to cells of kind {kinds}",
+            remedy=f"add kind: {kinds}",
             file=source,
             key="kind",
             value=None,
         )
     if "kind" in data and (not isinstance(said, str) or said not in _KINDS):
-        later = said in _LATER_KINDS if isinstance(said, str) else False
-        kinds = " or ".join(map(repr, _KINDS))
-        what = f"{said!r} is not available in this version" if later else f"must be {kinds}, got {_shown(said)}"
         raise ConfigError(
-            f"{source}: kind: {what}", remedy=f"use kind: {' or '.join(_KINDS)}", file=source, key="kind", value=said
+            f"{source}: kind: must be {_either(map(repr, _KINDS))}, got {_shown(said)}",
+            remedy=f"use kind: {_either(_KINDS)}",
+            file=source,
+            key="kind",
+            value=said,
         )
     model = _KINDS[said] if isinstance(said, str) else CellConfig
     if kind is not None and model is not kind:
         asked = next(name for name, known in _KINDS.items() if known is kind)
         raise ConfigError(
-            f"{source}: kind: this is a {said} cell, and a {asked} cell is needed here",
+            f"{source}: kind: this is {_a(said)} cell, and {_a(asked)} cell is needed here",
             remedy=f"give a cell file of kind: {asked}",
             file=source,
             key="kind",
@@ -294,6 +300,15 @@ def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any,
             return _dotted(loc), value, what, meaning or "change it"
         case _:
             return _dotted(loc), value, f"{what}, got {_shown(value)}", meaning or "change it"
+
+
+def _either(names: Iterable[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} or {last}"
+
+
+def _a(kind: object) -> str:
+    return f"an {kind}" if kind == "ik" else f"a {kind}"
 
 
 def _dotted(loc: Key) -> str:

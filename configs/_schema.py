@@ -6,6 +6,7 @@ One model per mapping of the file, attribute names equal to the keys. Keys carry
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -273,8 +274,8 @@ class RobotConfig(_Model):
     """Links with moments of inertia that no body can have: an error, or taken for a point mass as PyBullet does."""
 
 
-class ArmConfig(_Model):
-    """One arm, where it stands and the path it is given."""
+class MountedArmConfig(_Model):
+    """One arm and where it stands."""
 
     name: Name
     """Short name, unique in the cell; tables and errors use it."""
@@ -282,8 +283,6 @@ class ArmConfig(_Model):
     """URDF file: a path from the cell file, a bundled robot's name, or ``pybullet_data/...`` for one of PyBullet's."""
     base: PoseConfig = PoseConfig()
     """Pose of the URDF's root link in the world."""
-    elbow: Literal["negative", "positive"] | None = None
-    """Sign of a two-link arm's elbow angle (its second joint); null where there is no such choice."""
     tip_link: str | None = None
     """Link that carries the tool; null: the last link of the chain."""
     tool: ToolConfig | None = None
@@ -294,16 +293,8 @@ class ArmConfig(_Model):
     """Friction instead of the URDF's."""
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not looked at for self-collision: those that touch by design."""
-    path: PathConfig
-    """The given path."""
 
-    @model_validator(mode="after")
-    def _one_posture(self) -> Self:
-        if self.elbow is not None and self.path.start_rad is not None:
-            raise ValueError("elbow: give it or path.start_rad, not both")
-        return self
-
-    def over(self, sheet: RobotConfig | None) -> ArmConfig:
+    def over(self, sheet: RobotConfig | None) -> Self:
         """This arm, and what it leaves open from its robot's data sheet."""
         if sheet is None:
             return self
@@ -315,6 +306,21 @@ class ArmConfig(_Model):
                 "ignored_pairs": (*sheet.ignored_pairs, *self.ignored_pairs),
             }
         )
+
+
+class ArmConfig(MountedArmConfig):
+    """One arm, where it stands and the path it is given."""
+
+    elbow: Literal["negative", "positive"] | None = None
+    """Sign of a two-link arm's elbow angle (its second joint); null where there is no such choice."""
+    path: PathConfig
+    """The given path."""
+
+    @model_validator(mode="after")
+    def _one_posture(self) -> Self:
+        if self.elbow is not None and self.path.start_rad is not None:
+            raise ValueError("elbow: give it or path.start_rad, not both")
+        return self
 
 
 class BoxConfig(_Model):
@@ -504,7 +510,28 @@ class LineSpeedConfig(_Model):
     """Largest acceleration across the path [m/s^2], for profiles that look at it; null: as along the path."""
 
 
-class BlendCellConfig(_CellFile):
+class _OneArmFile(_CellFile):
+    """What the files of cells with one arm say."""
+
+    physics_tick_s: Annotated[Real, Field(ge=1e-5, le=0.02)] = 0.001
+    """Step of the simulation and of the reference [s]."""
+    control_period_s: Positive = 0.02
+    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
+    gravity_m_s2: Point = (0.0, 0.0, -9.81)
+    """Acceleration of free fall [m/s^2], world frame."""
+
+    @property
+    def ticks_per_period(self) -> int:
+        """Simulation steps between two decisions."""
+        return round(self.control_period_s / self.physics_tick_s)
+
+    @model_validator(mode="after")
+    def _period_is_whole_ticks(self) -> Self:
+        _check_period(self.control_period_s, self.physics_tick_s)
+        return self
+
+
+class BlendCellConfig(_OneArmFile):
     """One arm whose tip follows lines and arcs, blended at the corners, at a constant line speed."""
 
     kind: Literal["blend"]
@@ -517,22 +544,11 @@ class BlendCellConfig(_CellFile):
     """Limits of the tip's motion."""
     contour_error_max_m: Positive = 0.005
     """Distance of the tip from the path at which an episode ends [m]."""
-    physics_tick_s: Annotated[Real, Field(ge=1e-5, le=0.02)] = 0.001
-    """Step of the simulation and of the reference [s]."""
-    control_period_s: Positive = 0.02
-    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
-    gravity_m_s2: Point = (0.0, 0.0, -9.81)
-    """Acceleration of free fall [m/s^2], world frame."""
 
     @property
     def arms(self) -> tuple[ArmConfig]:
         """The arm, as cells of several have theirs."""
         return (self.arm,)
-
-    @property
-    def ticks_per_period(self) -> int:
-        """Simulation steps between two decisions."""
-        return round(self.control_period_s / self.physics_tick_s)
 
     @model_validator(mode="after")
     def _path_of_segments(self) -> Self:
@@ -551,10 +567,99 @@ class BlendCellConfig(_CellFile):
             raise ValueError("arm: its path has a blend of its own; give it beside the arm only")
         return self
 
+
+class StartedArmConfig(MountedArmConfig):
+    """One arm, where it stands and the posture it starts from."""
+
+    start_rad: Annotated[tuple[Real, ...], Field(min_length=1)]
+    """Joint positions at the start [rad] (prismatic joints: [m]), one per joint from the base on."""
+
+
+class HarmonicConfig(_Model):
+    """A pose that swings along a line, center_m + amplitude_m cos(rate_rad_s t), and does not turn."""
+
+    center_m: Point
+    """Middle of the line [m], world frame."""
+    amplitude_m: Point
+    """From there to the place at time 0 [m]."""
+    rate_rad_s: Positive
+    """Angular frequency [rad/s]."""
+    rpy_rad: Point = ZERO
+    """Orientation of the tip [rad]: roll, pitch, yaw about fixed x, y, z, as in URDF."""
+    duration_s: Positive
+    """How long it is followed [s]."""
+
+
+class TimedPoseConfig(PoseConfig):
+    """A pose of the tip in the world, and when it is to be there."""
+
+    time_s: NonNegative
+    """Instant [s]; the first pose's is 0."""
+
+
+class TargetConfig(_Model):
+    """Where the tip is to be, over time."""
+
+    harmonic: HarmonicConfig | None = None
+    """A pose that swings along a line."""
+    poses: Annotated[tuple[TimedPoseConfig, ...], Field(min_length=2)] | None = None
+    """Poses with times: from each to the next straight and about one axis, at rest in all of them."""
+
     @model_validator(mode="after")
-    def _period_is_whole_ticks(self) -> Self:
-        _check_period(self.control_period_s, self.physics_tick_s)
+    def _one_kind(self) -> Self:
+        _exactly_one(self, "a target")
         return self
 
+    @field_validator("poses")
+    @classmethod
+    def _times_rise(cls, poses: tuple[TimedPoseConfig, ...] | None) -> tuple[TimedPoseConfig, ...] | None:
+        times = [pose.time_s for pose in poses or ()]
+        if times and (times[0] != 0.0 or any(b <= a for a, b in pairwise(times))):
+            raise ValueError(f"time_s must begin at 0 and rise, got {', '.join(f'{t:g}' for t in times)}")
+        return poses
 
-AnyCellConfig = CellConfig | BlendCellConfig
+
+class FeedbackLawConfig(_Model):
+    """Inverse kinematics by feedback: its gains, which error it looks at, and when it is damped."""
+
+    position_gain_1_s: Positive = 50.9
+    """Gain of the position error [1/s]."""
+    approach_gain_1_s: Positive = 20.0
+    """Gain of the approach axis' error [1/s]; with quaternion errors that of all axes."""
+    normal_gain_1_s: Positive = 25.5
+    """Gain of the normal axis' error [1/s]."""
+    error: Literal["axes", "quaternion"] = "axes"
+    """Error of orientation: approach and normal axes, or the shortest way."""
+    feed_forward: bool = True
+    """Whether the target's velocity is fed forward."""
+    task: Literal["auto", "pose", "position"] = "auto"
+    """What is controlled; auto: of the pose, what the arm can."""
+    damping: Annotated[Positive, Field(lt=1)] = 0.02
+    """Singular value of the Jacobian, lengths in units of the arm's, below which it is damped."""
+
+
+class IKCellConfig(_OneArmFile):
+    """One arm whose tip follows a pose over time."""
+
+    kind: Literal["ik"]
+    """What the cell is for."""
+    arm: StartedArmConfig
+    """The arm and where it starts."""
+    target: TargetConfig
+    """What its tip is to follow."""
+    law: FeedbackLawConfig = FeedbackLawConfig()
+    """Feedback that follows it, for the baselines and for actions that set its gains."""
+    control_period_s: Positive = 0.01
+    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
+    error_scale_m: Positive = 0.01
+    """Position error [m] that costs half of the most; observations are scaled by it, too."""
+    error_scale_rad: Positive = 0.05
+    """Orientation error [rad], likewise."""
+
+    @property
+    def arms(self) -> tuple[StartedArmConfig]:
+        """The arm, as cells of several have theirs."""
+        return (self.arm,)
+
+
+AnyCellConfig = CellConfig | BlendCellConfig | IKCellConfig

@@ -7,6 +7,9 @@ from armtempo.envs._blend_observation import BLEND_ENTRIES
 from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
 from armtempo.envs._blend_tracking import BlendTrackingEnv
 from armtempo.envs._coordination import CoordinationEnv
+from armtempo.envs._feedback_ik import FeedbackIKEnv
+from armtempo.envs._ik_observation import ik_entries
+from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
 from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
@@ -35,8 +38,15 @@ __all__ = [
     "coordination_v0",
     "observation_table",
     "share",
+    "ACTION_MODES",
+    "ActionMode",
+    "FeedbackIKEnv",
+    "IKSimulation",
+    "IKTrace",
+    "ik_entries",
 ]
 
 for _env in (CoordinationEnv, YieldingEnv):
     _env.__doc__ = (_env.__doc__ or "").replace("{table}", observation_table())
 BlendTrackingEnv.__doc__ = (BlendTrackingEnv.__doc__ or "").replace("{table}", observation_table(BLEND_ENTRIES))
+FeedbackIKEnv.__doc__ = (FeedbackIKEnv.__doc__ or "").replace("{table}", observation_table(ik_entries(6)))

@@ -12,17 +12,14 @@ from typing import Literal, final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._bullet import pybullet
-from armtempo.envs._kernels import joint_torques
-from armtempo.envs._scene import Scene
 from armtempo.envs._simulation import (
     CONTROLLER_GAIN,
-    PHYSICS,
     SETTLED_DISTANCE,
     SETTLED_SPEED,
     SETTLED_TIME,
     Physics,
 )
+from armtempo.envs._tracked_arm import TrackedArm
 from armtempo.envs._tracking_kernels import follow_ideal, measure_tip
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector, ProfileName
@@ -30,15 +27,6 @@ from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfil
 Array = NDArray[np.float64]
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
-
-
-def is_number(value: object) -> bool:
-    """Whether it is one finite number."""
-    return (
-        isinstance(value, int | float | np.integer | np.floating)
-        and not isinstance(value, bool)
-        and math.isfinite(value)
-    )
 
 
 _COLUMNS = (
@@ -128,35 +116,14 @@ class BlendSimulation:
     def __init__(
         self, cell: BlendCell, *, physics: Physics = "bullet", record: bool = False, model_error: float = 0.0
     ) -> None:
-        if physics not in PHYSICS:
-            raise UnknownNameError("physics", str(physics), PHYSICS)
-        if not (is_number(model_error) and model_error > -1.0):
-            raise InputError(
-                f"model_error must be a share above -1, got {model_error!r}", remedy="give 0.1 for bodies 10 % heavier"
-            )
-        if model_error and physics == "ideal":
-            raise InputError(
-                f"model_error is {model_error:g} and physics 'ideal', which has no bodies to be heavier",
-                remedy="take physics='bullet', or leave model_error out",
-            )
+        self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
         self.physics, self.record = physics, record
-        n = cell.arm.dof
         self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
-        self._q: Array = np.zeros((1, n))
-        self._qd: Array = np.zeros((1, n))
-        self._reference = np.zeros((3, n))
-        self._torque: Array = np.zeros((1, n))
-        self._demand: Array = np.zeros((1, n))
-        self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
-        self._model = cell.arm.model
+        self._model = self._arm.model
+        self._q, self._qd, self._reference = self._arm.q, self._arm.qd, self._arm.reference
+        self._torque, self._demand = self._arm.torque, self._arm.demand
+        self._scene = self._arm.scene
         self.tip: Array = np.zeros(3)
-        self._scene: Scene | None = None
-        if physics == "bullet":
-            self._scene = Scene(cell)
-            if model_error:
-                self._scene.weigh(1.0 + model_error)
-            pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
-            pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=self._scene.client)
         self.reset(cell, "line-speed", "exact")
 
     def reset(self, cell: BlendCell, profile: ProfileName, mapping: MappingName) -> None:
@@ -179,11 +146,7 @@ class BlendSimulation:
         self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
         self.speed_deviation = self.mean_contour_error = 0.0
         self.arrival, self._settled_since, self.left = math.nan, math.nan, False
-        self._q[0], self._qd[0] = self._path.evaluate(0.0)[0], 0.0
-        self._reference[:] = self._q[0]
-        self._torque[:], self._demand[:] = 0.0, 0.0
-        if self._scene is not None:
-            self._scene.place(self._q)
+        self._arm.place(self._path.evaluate(0.0)[0])
         self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], 0.0, self.tip)
         self._rows: list[tuple[float | Array, ...]] = []
         self._keep()
@@ -251,7 +214,7 @@ class BlendSimulation:
         near = self.station + self.arc_speed * tick if self._ticks else float(motion[0, 0])
         begun, station = self._ticks, self.station
         ran = follow_ideal(
-            self._model, self._packed, joints, self._reference, self._coulomb, self._torque_max,
+            self._model, self._packed, joints, self._reference, self._arm.coulomb, self._arm.torque_max,
             CONTROLLER_GAIN / tick, tick, near, self.cell.contour_error_max, self.tip, rows,
         )  # fmt: skip
         rows[0, 3] = (rows[0, 0] - station) / tick
@@ -276,20 +239,12 @@ class BlendSimulation:
 
     def _advance(self, joints: Array) -> None:
         """One tick in PyBullet towards the reference ``joints`` (n,)."""
-        reference, tick = self._reference, self._tick
-        reference[:2], reference[2] = reference[1:].copy(), joints
-        q = self._q[0]
-        joint_torques(
-            self._model, reference[0], reference[1], reference[2], q, self._qd[0], self._coulomb, self._torque_max,
-            CONTROLLER_GAIN / tick, tick, self._demand[0], self._torque[0],
-        )  # fmt: skip
-        assert self._scene is not None
-        self._scene.push(self._torque)
-        self._scene.read(self._q, self._qd)
+        tick = self._tick
+        self._arm.advance(joints)
         self._ticks += 1
         before, station = self.tip.tolist(), self.station
         near = self.s if self._ticks == 1 else station + self.arc_speed * tick
-        self.station, self.contour_error = measure_tip(self._model, self._packed, q, near, self.tip)
+        self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], near, self.tip)
         self.tip_speed = math.dist(self.tip.tolist(), before) / tick
         self.arc_speed = (self.station - station) / tick
         self.left = self.contour_error > self.cell.contour_error_max
@@ -331,12 +286,11 @@ class BlendSimulation:
         return BlendTrace(
             cell=self.cell,
             **dict(zip(_COLUMNS, columns, strict=True)),
-            torque_max=self._torque_max.copy(),
+            torque_max=self._arm.torque_max.copy(),
             arrival=self.arrival,
             left=self.left,
         )
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        if self._scene is not None:
-            self._scene.close()
+        self._arm.close()

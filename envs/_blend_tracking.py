@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, final
 
-import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from armtempo.envs._blend_observation import BLEND_ENTRIES, observe_blend
-from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName, is_number
+from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
 from armtempo.envs._episode import TIME_LIMIT, read_action
 from armtempo.envs._observation import action_space, observation_space
-from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._renderer import render_modes
 from armtempo.envs._reward import deviation_reward, leaving_reward, progress_reward, time_reward
 from armtempo.envs._simulation import Physics
-from armtempo.errors import ActionError, InputError, RenderError, UnknownNameError
-from armtempo.planners import PATH_FAMILIES, PROFILES, BlendCell, Cell, FamilyName, ProfileName, draw_path, load_cell
+from armtempo.envs._single_arm import SingleArmEnv, check_names
+from armtempo.errors import InputError
+from armtempo.planners import (
+    PATH_FAMILIES,
+    PROFILES,
+    BlendCell,
+    Cell,
+    FamilyName,
+    IKCell,
+    ProfileName,
+    draw_path,
+    load_cell,
+)
 
 RESET_OPTIONS = ("family", "curve", "shape_factor", "remaining_distance_m")
 
 
 @final
-class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
     """An arm follows a path of lines and arcs with blended corners (``armtempo/BlendTracking-v0``; Lee2006).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period: the feed-rate override, ``f = (a + 1) / 2``.
@@ -84,34 +93,24 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         max_episode_s: float | None = None,
         record: bool = False,
     ) -> None:
-        check_render_mode(render_mode)
-        for kind, name, known in (
-            ("profile", profile, PROFILES),
-            ("mapping", mapping, MAPPINGS),
-            ("family of paths", family, PATH_FAMILIES),
-        ):
-            if name not in known:
-                raise UnknownNameError(kind, str(name), known)
-        if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
-            raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
+        super().__init__(render_mode, max_episode_s)
+        check_names(
+            ("profile", profile, PROFILES), ("mapping", mapping, MAPPINGS), ("family of paths", family, PATH_FAMILIES)
+        )
         given: object = cell
-        if isinstance(given, Cell):
+        if isinstance(given, Cell | IKCell):
             raise InputError(
-                f"{given.name!r} is a coordination cell, and a blend cell is needed here",
-                remedy="give a blend cell such as lee2006, or use CoordinationEnv",
+                f"{given.name!r} is {'a coordination' if isinstance(given, Cell) else 'an ik'} cell, and a blend cell "
+                "is needed here",
+                remedy="give a blend cell such as lee2006, or use CoordinationEnv or FeedbackIKEnv",
             )
         self.cell = cell if isinstance(cell, BlendCell) else load_cell(cell, BlendCell)
         self.profile: ProfileName = profile
         self.mapping: MappingName = mapping
         self.family: FamilyName = family
-        self.render_mode = render_mode
-        self._max_episode = max_episode_s
         self.simulation = BlendSimulation(self.cell, physics=physics, record=record, model_error=model_error)
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
-        self._renderer: Renderer | None = None
-        self._drawn: BlendCell | None = None  # by the renderer
-        self._running = self._closed = False
 
     @property
     def trace(self) -> BlendTrace:
@@ -138,15 +137,8 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             PathError: The corners cannot be blended so, or no path of the family can be followed.
             InputError: ``options`` is no mapping, or the environment is closed.
         """
-        self._running = False  # until all has gone well
-        if self._closed:
-            raise InputError("the environment is closed", remedy="make a new one")
+        given = self._begin(options, RESET_OPTIONS)
         super().reset(seed=seed)
-        given = {} if options is None else options
-        if not isinstance(given, Mapping):
-            raise InputError(
-                f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(RESET_OPTIONS)}"
-            )
         cell = draw_path(
             self.cell,
             given.get("family", self.family),
@@ -174,10 +166,7 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises:
             ActionError: The action is not one finite number, the episode is over, or the environment is closed.
         """
-        if self._closed:
-            raise ActionError("the environment is closed", remedy="make a new one")
-        if not self._running:
-            raise ActionError("the episode is over", remedy="call reset before step")
+        self._check_running()
         simulation = self.simulation
         simulation.step(read_action(action, self.cell.arm.name))
         arrived = simulation.arrival == simulation.arrival  # not nan
@@ -215,23 +204,3 @@ class BlendTrackingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.render_mode == "human":
             self.render()
         return observe_blend(simulation), float(sum(terms.values())), terminated, truncated, info
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._closed:
-            raise RenderError("the environment is closed", remedy="make a new one", mode=self.render_mode)
-        if self._renderer is not None and self._drawn is not self.simulation.cell:  # another path
-            self._renderer.close()
-            self._renderer = None
-        if self._renderer is None:
-            self._renderer, self._drawn = Renderer(self.simulation.cell, self.render_mode), self.simulation.cell
-        return self._renderer.render(self.simulation.joint_positions())
-
-    def close(self) -> None:
-        """Leave PyBullet; may be called twice."""
-        self._closed = True
-        self.simulation.close()
-        if self._renderer is not None:
-            self._renderer.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, final
@@ -31,19 +30,30 @@ def read_action(action: ArrayLike, agent: str) -> float:
     Raises:
         ActionError: It is not one finite number.
     """
+    return 0.5 * (float(read_actions(action, 1, agent)[0]) + 1.0)
+
+
+def read_actions(action: ArrayLike, size: int, agent: str) -> Array:
+    """An action of so many numbers, clipped to [-1, 1].
+
+    Raises:
+        ActionError: It is not so many finite numbers.
+    """
     try:
-        value = np.asarray(action)
-        number = float(value.item()) if value.shape in ((1,), ()) else math.nan
+        values = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):  # not numbers at all
-        number = math.nan
-    if not math.isfinite(number):
+        values = np.array([np.nan])
+    if size == 1 and values.shape == ():
+        values = values[None]
+    if values.shape != (size,) or not np.isfinite(values).all():
+        what = "one finite number" if size == 1 else f"{size} finite numbers"
         raise ActionError(
-            f"action of {agent} must be one finite number in an array of shape (1,), got {action!r}",
+            f"action of {agent} must be {what} in an array of shape ({size},), got {action!r}",
             remedy="clip it to [-1, 1] and replace NaN before env.step",
             agent=agent,
             action=action,
         )
-    return min(max(0.5 * (number + 1.0), 0.0), 1.0)
+    return np.clip(values, -1.0, 1.0)
 
 
 def check_late(late: ArrayLike) -> None:

@@ -56,9 +56,9 @@ def observation_space(entries: Sequence[Entry] = ENTRIES) -> Box:
     )
 
 
-def action_space() -> Box:
-    """The space of one arm's action, (1,) float32 in [-1, 1]."""
-    return Box(-1.0, 1.0, (1,), dtype=np.float32)
+def action_space(size: int = 1) -> Box:
+    """The space of one arm's action, (size,) float32 in [-1, 1]."""
+    return Box(-1.0, 1.0, (size,), dtype=np.float32)
 
 
 def share(entry: float) -> float:

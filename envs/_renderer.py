@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from armtempo.envs._bullet import pybullet
 from armtempo.envs._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
-from armtempo.planners import BlendCell, Cell
-from armtempo.robots import Shape
+from armtempo.planners import BlendCell, Cell, IKCell
+from armtempo.robots import Arm, Shape
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,11 @@ HARDWARE = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
 GREY = (0.6, 0.6, 0.6, 1.0)
 BEADS = 40  # per path
+BEAD = 0.004  # [m]
+BEAD_IK = 0.008
+AXIS = 0.15  # [m] of a target
 TILT = 0.35  # [rad] of the view from straight down
+TILT_IK = 1.15  # where poses are followed, which go up and down
 VIEW_DEG = 40.0  # vertical
 BORDER = 0.12  # of the picture, free around the arms
 _PROBE = """
@@ -70,7 +74,7 @@ class Renderer:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: Cell | BlendCell, mode: str) -> None:
+    def __init__(self, cell: Cell | BlendCell | IKCell, mode: str) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",
@@ -82,16 +86,18 @@ class Renderer:
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
         tips, points = [], [arm.T_world_base[:3, 3] for arm in cell.arms]
-        for arm, path in zip(cell.arms, cell.paths, strict=True):
-            q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
-            tips.append(arm.tip_pose(q)[:, :3, 3])
-            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *tips[-1]]
-        self._paint(tips)
+        for arm, (q, beads) in zip(cell.arms, _sweeps(cell), strict=True):
+            tips.append(beads)
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
+            if isinstance(cell, IKCell):
+                points += [*_outline(arm, q)]
+        self._paint(tips, BEAD_IK if isinstance(cell, IKCell) else BEAD)
+        self._axes = self._draw_axes() if isinstance(cell, IKCell) else []
         for obstacle in cell.obstacles:
             self._stand(obstacle)
-        self._aim(np.array(points))
+        self._aim(np.array(points), TILT_IK if isinstance(cell, IKCell) else TILT)
 
-    def _paint(self, tips: list[Array]) -> None:
+    def _paint(self, tips: list[Array], size: float) -> None:
         """Every arm and its path in one colour."""
         client = self._scene.client
         for i, (body, beads) in enumerate(zip(self._scene.bodies, tips, strict=True)):
@@ -99,13 +105,31 @@ class Renderer:
             for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
                 pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=client)
             pale = [*(0.5 + 0.5 * c for c in colour[:3]), 1.0]
-            bead = pybullet.createVisualShape(
-                pybullet.GEOM_SPHERE, radius=0.004, rgbaColor=pale, physicsClientId=client
-            )
+            bead = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=size, rgbaColor=pale, physicsClientId=client)
             pybullet.createMultiBody(
                 baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=beads.tolist(), basePosition=beads[0].tolist(),
                 physicsClientId=client,
             )  # fmt: skip
+
+    def _draw_axes(self) -> list[int]:
+        """Three rods for the axes of a target: red, green, blue for its x, y, z."""
+        client, rods = self._scene.client, []
+        for k in range(3):
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER, radius=0.006, length=AXIS,
+                visualFramePosition=[0.0, 0.0, 0.5 * AXIS], rgbaColor=[*(0.8 * np.eye(3)[k]), 1.0],
+                physicsClientId=client,
+            )  # fmt: skip
+            rods.append(pybullet.createMultiBody(baseMass=0.0, baseVisualShapeIndex=shape, physicsClientId=client))
+        return rods
+
+    def show_target(self, position: Array, rotation: Array) -> None:
+        """Put the target's axes at a pose: (3,) [m], (3, 3)."""
+        for k, rod in enumerate(self._axes):  # each rod lies along its own z
+            turned = np.roll(rotation, 2 - k, axis=1)
+            pybullet.resetBasePositionAndOrientation(
+                rod, position.tolist(), quat_xyzw(turned), physicsClientId=self._scene.client
+            )
 
     def _stand(self, obstacle: Shape) -> None:
         """An obstacle, in grey."""
@@ -130,11 +154,11 @@ class Renderer:
             physicsClientId=client,
         )
 
-    def _aim(self, points: Array) -> None:
+    def _aim(self, points: Array, tilt: float) -> None:
         """Look down on everything the arms sweep, from as near as shows it all."""
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        back = np.array([0.0, -np.sin(TILT), np.cos(TILT)])  # from the scene to the eye
-        up = np.array([0.0, np.cos(TILT), np.sin(TILT)])
+        back = np.array([0.0, -np.sin(tilt), np.cos(tilt)])  # from the scene to the eye
+        up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
         height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER)
         right, above, nearer = np.stack([[1.0, 0.0, 0.0], up, back]) @ (points - centre).T
         distance = max(0.2, float(np.max(nearer + np.maximum(np.abs(right) * HEIGHT / WIDTH, np.abs(above)) / height)))
@@ -145,7 +169,7 @@ class Renderer:
         )
         if self.mode == "human":
             pybullet.resetDebugVisualizerCamera(
-                distance, 0.0, np.degrees(TILT) - 90.0, centre.tolist(), physicsClientId=self._scene.client
+                distance, 0.0, np.degrees(tilt) - 90.0, centre.tolist(), physicsClientId=self._scene.client
             )
 
     def render(self, q: Array) -> NDArray[np.uint8] | None:
@@ -171,6 +195,29 @@ class Renderer:
     def close(self) -> None:
         """Close window and client; may be called twice."""
         self._scene.close()
+
+
+def _sweeps(cell: Cell | BlendCell | IKCell) -> list[tuple[Array, Array]]:
+    """Of every arm: postures (BEADS, n) that it comes by, and points (BEADS, 3) that its tip is to come by."""
+    if isinstance(cell, IKCell):
+        rows = np.linspace(0, cell.ticks, BEADS).round().astype(int)
+        return [(cell.nominal.q[rows], cell.target.position[2 * rows])]
+    sweeps = []
+    for arm, path in zip(cell.arms, cell.paths, strict=True):
+        q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
+        sweeps.append((q, arm.tip_pose(q)[:, :3, 3]))
+    return sweeps
+
+
+def _outline(arm: Arm, q: Array) -> Array:
+    """Corners (N, 3) of boxes around the capsules of an arm at ``q`` (K, n): nothing of it is outside their hull."""
+    capsules = arm.capsules
+    fixed = np.broadcast_to(arm.T_world_base, (len(q), 1, 4, 4))
+    T = np.concatenate([arm.link_poses(q), fixed], axis=1)[:, capsules.link]  # link -1 is the base
+    ends = [np.einsum("klab,lb->kla", T[..., :3, :3], p) + T[..., :3, 3] for p in (capsules.p0, capsules.p1)]
+    sides = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0
+    corners = np.stack(ends)[..., None, :] + sides * capsules.radius[:, None, None]
+    return np.asarray(corners.reshape(-1, 3), dtype=np.float64)
 
 
 def render_modes() -> list[str]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs._bullet import pybullet, quiet
 from armtempo.errors import RobotError
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, IKCell
 from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Scene:
         hardware: Whether that plugin draws.
     """
 
-    def __init__(self, cell: Cell | BlendCell, *, window: bool = False, egl: bool = False) -> None:
+    def __init__(self, cell: Cell | BlendCell | IKCell, *, window: bool = False, egl: bool = False) -> None:
         self.cell = cell
         self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
@@ -157,7 +157,7 @@ def quat_xyzw(R: Array) -> tuple[float, float, float, float]:
     return float(x), float(y), float(z), float(w)
 
 
-def _with_tool(cell: Cell | BlendCell, arm: Arm, folder: Path) -> Path:
+def _with_tool(cell: Cell | BlendCell | IKCell, arm: Arm, folder: Path) -> Path:
     """The arm's URDF, or a copy in ``folder`` with the cell's tool bolted to its tip."""
     config = next(config for config in cell.config.arms if config.name == arm.name)
     if config.tool is None:

@@ -27,6 +27,7 @@ from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._execution import Execution, ScheduleExecution
 from armtempo.planners._feed_override import FeedOverride
 from armtempo.planners._feedback_ik import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
+from armtempo.planners._ik_cell import IKCell
 from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
 from armtempo.planners._interval_search import IntervalSearch
@@ -41,6 +42,7 @@ from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_pat
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
 from armtempo.planners._pose_path import PosePath, Poses, TipPosePath
 from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._precedence import Precedence, precedence
@@ -173,4 +175,8 @@ __all__ = [
     "schedule",
     "tabulated_clearance",
     "write_trajectory",
+    "IKCell",
+    "TARGET_FAMILIES",
+    "TargetFamilyName",
+    "draw_target",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,10 @@ from armtempo.configs import (
     ArmConfig,
     BlendCellConfig,
     CellConfig,
+    IKCellConfig,
     LineConfig,
+    MountedArmConfig,
     ObstacleConfig,
-    PoseConfig,
     SegmentConfig,
     load_cell_config,
     resolve_file,
@@ -27,26 +28,33 @@ from armtempo.planners._blend_cell import BlendCell
 from armtempo.planners._blended_path import BlendedPath
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line
 from armtempo.planners._cell import Cell
+from armtempo.planners._ik_cell import IKCell
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._path_certificate import check_path
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_plane import refined_plane
+from armtempo.planners._pose_matrix import pose_matrix
 from armtempo.robots import Arm, Clearance, Shape, Tool, static_shape
 
 Array = NDArray[np.float64]
+_CONFIGS: dict[type, Any] = {Cell: CellConfig, BlendCell: BlendCellConfig, IKCell: IKCellConfig}
 
 
 @overload
 def load_cell(name_or_path: str | Path, kind: type[Cell] | None = None) -> Cell: ...
 @overload
 def load_cell(name_or_path: str | Path, kind: type[BlendCell]) -> BlendCell: ...
-def load_cell(name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | None = None) -> Cell | BlendCell:
+@overload
+def load_cell(name_or_path: str | Path, kind: type[IKCell]) -> IKCell: ...
+def load_cell(
+    name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | type[IKCell] | None = None
+) -> Cell | BlendCell | IKCell:
     """Load a bundled cell by name, or a user's own YAML file, and certify it.
 
     Args:
         name_or_path: A bundled cell's name or a file.
-        kind: ``Cell`` (kind: coordination) or ``BlendCell`` (kind: blend): refuse files of another kind. None:
-            whatever the file says (type checkers take it for a ``Cell``).
+        kind: ``Cell`` (kind: coordination), ``BlendCell`` (kind: blend) or ``IKCell`` (kind: ik): refuse files of
+            another kind. None: whatever the file says (type checkers take it for a ``Cell``).
 
     Raises:
         UnknownNameError: No such bundled cell or file.
@@ -59,7 +67,7 @@ def load_cell(name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | Non
     if kind is None:
         config = load_cell_config(name_or_path)
     else:
-        config = load_cell_config(name_or_path, BlendCellConfig if kind is BlendCell else CellConfig)
+        config = load_cell_config(name_or_path, _CONFIGS[kind])
     return build_cell(config)
 
 
@@ -67,9 +75,24 @@ def load_cell(name_or_path: str | Path, kind: type[Cell] | type[BlendCell] | Non
 def build_cell(config: CellConfig) -> Cell: ...
 @overload
 def build_cell(config: BlendCellConfig) -> BlendCell: ...
-def build_cell(config: AnyCellConfig) -> Cell | BlendCell:
-    """Build and certify a cell; raises as ``load_cell``."""
+@overload
+def build_cell(config: IKCellConfig) -> IKCell: ...
+def build_cell(config: AnyCellConfig) -> Cell | BlendCell | IKCell:
+    """Build and certify a cell (of an IK cell postures only, not what is between); raises as ``load_cell``."""
+    if isinstance(config, IKCellConfig):
+        return _build_ik_cell(config)
     return _build_blend_cell(config) if isinstance(config, BlendCellConfig) else _build_coordination_cell(config)
+
+
+def _build_ik_cell(config: IKCellConfig) -> IKCell:
+    try:
+        cell = IKCell.of(config, _build_arm(config, config.arm))
+        cell.check()
+    except ConfigError:
+        raise
+    except ArmtempoError as error:
+        raise error.at(f"{config.source}, arm") from error
+    return cell
 
 
 def _build_blend_cell(config: BlendCellConfig) -> BlendCell:
@@ -150,26 +173,13 @@ def _build_coordination_cell(config: CellConfig) -> Cell:
     return cell
 
 
-def _transform(pose: PoseConfig) -> Array:
-    """``T`` (4, 4) of a pose: roll, pitch, yaw about fixed axes, as in URDF."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(pose.rpy_rad), np.sin(pose.rpy_rad)
-    T = np.eye(4)
-    T[:3, :3] = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    T[:3, 3] = pose.position_m
-    return T
-
-
-def _build_arm(config: AnyCellConfig, arm: ArmConfig) -> Arm:
+def _build_arm(config: AnyCellConfig, arm: MountedArmConfig) -> Arm:
     sheet = robot_config(arm.urdf)
     arm = arm.over(sheet)
     tool = None
     if arm.tool is not None:
         # The file gives the body in the tip link's frame; a Tool holds it in its own.
-        T = _transform(arm.tool.frame)
+        T = pose_matrix(arm.tool.frame)
         ixx, iyy, izz, ixy, ixz, iyz = arm.tool.inertia_kgm2
         inertia = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
         R, p = T[:3, :3], T[:3, 3]
@@ -183,7 +193,7 @@ def _build_arm(config: AnyCellConfig, arm: ArmConfig) -> Arm:
     return Arm.from_urdf(
         resolve_file(config, arm.urdf),
         name=arm.name,
-        T_world_base=_transform(arm.base),
+        T_world_base=pose_matrix(arm.base),
         gravity=config.gravity_m_s2,
         tip_link=arm.tip_link,
         tool=tool,
@@ -266,4 +276,4 @@ def _build_obstacle(config: CellConfig, obstacle: ObstacleConfig) -> Shape:
         rod = obstacle.cylinder or obstacle.capsule
         assert rod is not None
         size = (rod.radius_m, rod.length_m)
-    return static_shape(obstacle.kind, size, T_world=_transform(obstacle.pose), name=obstacle.name, file=file)
+    return static_shape(obstacle.kind, size, T_world=pose_matrix(obstacle.pose), name=obstacle.name, file=file)

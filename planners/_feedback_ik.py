@@ -10,6 +10,7 @@ paper's trick would have it, is exact at none only). J^# is damped near singular
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal, final
 
@@ -230,6 +231,17 @@ class FeedbackIK:
             float(posture_gain) if spare else 0.0,
             levers,
         )
+
+    def retuned(self, gains: IKGains, damping: float) -> FeedbackIK:
+        """The same law with other gains and damping; all else is shared."""
+        if not 0.0 < damping < 1.0:
+            raise InputError(f"damping = {damping}", remedy="give a number between 0 and 1")
+        other = copy(self)
+        other.gains = gains
+        other._law = self._law._replace(
+            position_gain=gains.position, approach_gain=gains.approach, normal_gain=gains.normal, damping=float(damping)
+        )
+        return other
 
     def _joints(self, values: ArrayLike, what: str) -> Array:
         array = np.array(values, dtype=np.float64)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from armtempo.configs import CellConfig, data_path
-from armtempo.planners import BlendCell, Cell, JointPath, build_cell, load_cell
+from armtempo.planners import BlendCell, Cell, IKCell, JointPath, build_cell, load_cell
 from armtempo.robots import Arm
 
 Floats = NDArray[np.float64]
@@ -96,6 +96,12 @@ def lee1991() -> Cell:
 def lee2006() -> BlendCell:
     """The bundled cell of the 2006 paper; immutable, so built once."""
     return load_cell("lee2006", BlendCell)
+
+
+@pytest.fixture(scope="session")
+def chung() -> IKCell:
+    """The bundled cell of the feedback paper; immutable, so built once."""
+    return load_cell("chung", IKCell)
 
 
 @pytest.fixture(scope="session")

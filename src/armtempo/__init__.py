@@ -38,6 +38,11 @@ gymnasium.register(
     entry_point="armtempo.envs:BlendTrackingEnv",
     kwargs={"cell": "lee2006"},
 )
+gymnasium.register(
+    id="armtempo/FeedbackIK-v0",
+    entry_point="armtempo.envs:FeedbackIKEnv",
+    kwargs={"cell": "chung"},
+)
 pettingzoo.register(
     "parallel",
     "armtempo/Coordination-v0",

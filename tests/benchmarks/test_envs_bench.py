@@ -10,15 +10,16 @@ import pybullet
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from armtempo.envs import BlendTrackingEnv, CoordinationEnv, Physics, YieldingEnv
+from armtempo.envs import ActionMode, BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv, Physics, YieldingEnv
 from armtempo.envs._scene import Scene
-from armtempo.planners import BlendCell, Cell
+from armtempo.planners import BlendCell, Cell, IKCell
 
 RESET_MS = 2.0
 BARE_RATIO = 2.0
 IDEAL_RATIO = 10.0
 STEPS_PER_S = {"bullet": 500.0, "ideal": 5000.0}  # on a machine that does other things too
 BLEND_STEPS_PER_S = {"bullet": 400.0, "ideal": 1200.0}  # likewise; 10 ticks each
+IK_STEPS_PER_S = {("bullet", "speeds"): 250.0, ("ideal", "speeds"): 600.0, ("ideal", "gains"): 250.0}  # 10 ticks each
 ACTION = np.array([0.2], dtype=np.float32)
 LATE = 0.1  # so that whole episodes run without a violation
 
@@ -104,6 +105,30 @@ def test_blend_steps_per_second(benchmark: BenchmarkFixture, lee2006: BlendCell,
         seconds = min(steps() for _ in range(20))
         benchmark.extra_info["ticks_per_s"] = 10.0 / seconds
         assert 1.0 / seconds > BLEND_STEPS_PER_S[physics]
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(("physics", "mode"), IK_STEPS_PER_S)
+def test_feedback_ik_steps_per_second(
+    chung: IKCell, physics: Physics, mode: ActionMode, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Steps of 10 ticks with 6 joints; best of many, because the machine does other things too."""
+    env = FeedbackIKEnv(chung, physics=physics, action_mode=mode)
+    action = np.zeros(env.action_space.shape, dtype=np.float32)
+
+    def steps() -> float:
+        env.reset()
+        began = time.perf_counter()
+        for _ in range(100):
+            env.step(action)
+        return (time.perf_counter() - began) / 100
+
+    try:
+        rate = 1.0 / min(steps() for _ in range(20))
+        with capsys.disabled():
+            print(f"\nfeedback ik, {physics}, {mode}: {rate:.0f} steps/s of 10 ticks")  # noqa: T201
+        assert rate > IK_STEPS_PER_S[physics, mode]
     finally:
         env.close()
 

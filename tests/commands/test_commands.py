@@ -242,7 +242,33 @@ def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "planar_two_link" in out
     assert "40.0 mm" in out
-    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend"}
+    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend", "ik"}
+
+
+def test_evaluate_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "chung", "--policies", "feedback", "feedback-ff", "--physics", "ideal", "--json", "ik.json"]
+    assert main(line) == 0
+    out = capsys.readouterr().out
+    assert "gain x period" in out
+    assert "Feed-forward makes the rms position error" in out
+    results = load("ik.json")["policies"]
+    assert results["feedback"]["position_error_max_m"] == pytest.approx(6.72e-3, abs=2e-5)
+    assert {file.name for file in Path("results/chung").glob("*.png")} == {
+        "path.png", "errors.png", "joint_speeds.png", "torque.png",
+    }  # fmt: skip
+    line = ["evaluate", "panda-poses", "--policies", "feedback-damped", "--family", "near-singular", "--no-figures"]
+    assert main([*line, "--episodes", "2", "--model-error", "0.05"]) == 0
+    out = capsys.readouterr().out
+    assert "2 random targets (near-singular); bodies +5 % in mass" in out
+
+
+def test_cells_shows_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cells", "panda-poses", "--json", "ik.json"]) == 0
+    facts = load("ik.json")
+    assert facts["joints"] == 7
+    assert facts["position_error_max_m"] < 1e-4
+    assert facts["shares"]["speed"] == 0.0
+    assert "Looked at, not certified" in capsys.readouterr().out
 
 
 def test_cells_shows_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
@@ -292,6 +318,11 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"], ["--model-error needs bodies"]),
         (["evaluate", "lee2006", "--model-error", "-2"], ["model_error must be a share above -1"]),
         (["evaluate", "lee1991", "--family", "zigzag"], ["--family", "blend cells"]),
+        (["evaluate", "chung", "--policies", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
+        (["evaluate", "chung", "--family", "zigzag"], ["--family zigzag does not exist in ik cells", "near-singular"]),
+        (["evaluate", "lee2006", "--family", "smooth"], ["--family smooth does not exist in blend cells", "zigzag"]),
+        (["evaluate", "chung", "--master-late", "1"], ["--mode and --master-late are for cells of several arms"]),
+        (["plan", "chung"], ["chung.yaml: kind: this is an ik cell, and a coordination cell is needed here"]),
         (["plan", "lee2006"], ["lee2006.yaml: kind: this is a blend cell, and a coordination cell is needed here"]),
         (["plot", "lee2006"], ["this is a blend cell"]),
         (["record", "lee2006"], ["this is a blend cell"]),

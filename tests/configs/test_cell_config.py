@@ -15,6 +15,7 @@ from armtempo.configs import (
     ArmConfig,
     BlendCellConfig,
     CellConfig,
+    IKCellConfig,
     LineConfig,
     bundled_cells,
     change_blend,
@@ -136,7 +137,10 @@ def test_every_key_is_documented() -> None:
     alternatives = {"line", "arc", "box", "sphere", "cylinder", "capsule", "mesh"}  # documented by their own class
     models = [
         CellConfig,
-        *(vars(__import__("armtempo.configs", fromlist=["x"]))[n] for n in ("ArmConfig", "ToolConfig")),
+        *(
+            vars(__import__("armtempo.configs", fromlist=["x"]))[n]
+            for n in ("ArmConfig", "ToolConfig", "IKCellConfig", "HarmonicConfig", "FeedbackLawConfig")
+        ),
     ]
     for model in models:
         assert not set(undocumented(model, "")) - alternatives
@@ -270,9 +274,8 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     ),
     "number for a mapping": (top({"arms": [5]}), "arms[0]", "must be a mapping of keys to values, got 5 ("),
     "left empty": (top({"obstacles": None}), "obstacles", "must be a list, got null (Bodies that stand still)"),
-    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination' or 'blend', got 'dance' (use kind:"),
-    "ik": (top({"kind": "ik"}), "kind", "'ik' is not available in this version (use kind: coordination or blend)"),
-    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination' or 'blend', got ['ik'] ("),
+    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination', 'blend' or 'ik', got 'dance' (use kind:"),
+    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', 'blend' or 'ik', got ['ik'] ("),
     "a source of its own": (top({"source": "x"}), "source", "unknown key ("),
 }
 
@@ -551,7 +554,7 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
             "missing; curve 'least-time' needs it instead of remaining_distance_m",
         ),
         (drop("kind"), "kind", "missing, and blend belongs to cells of kind blend (add kind: blend)"),
-        (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, arm, blend, line_speed"),
+        (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, physics_tick_s"),
         (drop("line_speed"), "line_speed", "missing (add it: Limits of the tip's motion)"),
         (
             top({"line_speed": {"speed_m_s": 0, "acceleration_m_s2": 5, "jerk_m_s3": 200}}),
@@ -631,3 +634,47 @@ def test_corners_can_be_changed() -> None:
     assert change_blend(tight, curve="cubic").blend.shape_factor == 2.0
     with pytest.raises(ConfigError, match=r"blend.shape_factor: belongs to curve 'cubic', not to 'quintic'"):
         change_blend(tight, curve="quintic", shape_factor=2.0)
+
+
+def ik_cell() -> dict[str, Any]:
+    poses = [{"time_s": t, "position_m": [0.4, 0.1 * t, 0.3]} for t in (0, 1, 2)]
+    return {
+        "kind": "ik",
+        "name": "mine",
+        "arm": {"name": "a", "urdf": "puma560.urdf", "start_rad": [0, 0, 0, 0, 0.5, 0]},
+        "target": {"poses": poses},
+    }
+
+
+@pytest.mark.parametrize(
+    ("edit", "key", "words"),
+    [
+        (drop("kind"), "kind", "missing, and target belongs to cells of kind ik (add kind: ik)"),
+        (drop("target"), "target", "missing (add it: What its tip is to follow)"),
+        (top({"target": {}}), "target", "a target needs exactly one of harmonic, poses; got none"),
+        (top({"law": {"damping": 1.0}}), "law.damping", "must be less than 1, got 1.0 (Singular value of the"),
+        (top({"law": {"error": "euler"}}), "law.error", "must be 'axes' or 'quaternion', got 'euler'"),
+        (top({"blend": {}}), "blend", "unknown key (known: kind, name, description, physics_tick_s"),
+        (lambda data: data["arm"].pop("start_rad"), "arm.start_rad", "missing (add it: Joint positions at the start"),
+        (lambda data: data["arm"].update(path={}), "arm.path", "unknown key (known: name, urdf, base, tip_link"),
+        (
+            lambda data: data["target"]["poses"][2].update(time_s=1),
+            "target.poses",
+            "time_s must begin at 0 and rise, got 0, 1, 1",
+        ),
+        (
+            lambda data: data["target"]["poses"].__delitem__(slice(1, None)),
+            "target.poses",
+            "must have at least 2 items",
+        ),
+        (top({"control_period_s": 0.0015}), "control_period_s", "must be a whole multiple of physics_tick_s = 0.001"),
+    ],
+)
+def test_ik_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:
+    data = ik_cell()
+    parse_cell_config(data, tmp_path / "mine.yaml", IKCellConfig)
+    edit(data)
+    source = tmp_path / "mine.yaml"
+    with pytest.raises(ConfigError) as caught:
+        parse_cell_config(data, source)
+    assert str(caught.value).startswith(f"{source}: {key}: {words}"), str(caught.value)

@@ -18,12 +18,13 @@ from armtempo.envs import (
     PHYSICS,
     BlendTrackingEnv,
     CoordinationEnv,
+    FeedbackIKEnv,
     Physics,
     YieldingEnv,
     coordination_v0,
 )
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import BlendCell, Cell, Mode
+from armtempo.planners import BlendCell, Cell, IKCell, Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
 BOTH = list(itertools.product(PHYSICS, MODES))
@@ -33,7 +34,7 @@ BOTH = list(itertools.product(PHYSICS, MODES))
 def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
     """The checkers open every declared render mode."""
     monkeypatch.delenv("DISPLAY", raising=False)
-    for env in (YieldingEnv, CoordinationEnv, BlendTrackingEnv):
+    for env in (YieldingEnv, CoordinationEnv, BlendTrackingEnv, FeedbackIKEnv):
         monkeypatch.setitem(env.metadata, "render_modes", ["rgb_array"])
 
 
@@ -69,6 +70,19 @@ def test_blend_tracking_passes_both_checkers(lee2006: BlendCell, physics: Physic
     env = gymnasium.make("armtempo/BlendTracking-v0", cell=lee2006, physics=physics, family=family)
     assert env.spec is not None
     check_env(env.unwrapped, skip_render_check=(physics, family) != ("bullet", "line-arc"))
+    sb3_check_env(env.unwrapped, warn=True)
+    env.close()
+
+
+@pytest.mark.parametrize(("physics", "action_mode"), [("bullet", "speeds"), ("ideal", "gains")])
+def test_feedback_ik_passes_both_checkers(chung: IKCell, physics: Physics, action_mode: str) -> None:
+    from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+    env = gymnasium.make(
+        "armtempo/FeedbackIK-v0", cell=chung, physics=physics, action_mode=action_mode, family="smooth"
+    )
+    assert env.spec is not None
+    check_env(env.unwrapped, skip_render_check=physics != "bullet")
     sb3_check_env(env.unwrapped, warn=True)
     env.close()
 
@@ -116,6 +130,10 @@ def test_gymnasium_make_by_name_only() -> None:
     assert blend.spec is not None
     assert json.loads(blend.spec.to_json())["id"] == "armtempo/BlendTracking-v0"
     blend.close()
+    ik = gymnasium.make("armtempo/FeedbackIK-v0", physics="ideal", action_mode="gains", max_episode_s=0.1)
+    assert ik.spec is not None
+    assert json.loads(ik.spec.to_json())["id"] == "armtempo/FeedbackIK-v0"
+    ik.close()
 
 
 def test_many_environments_in_one_vector(lee1991: Cell) -> None:
@@ -130,11 +148,12 @@ def test_many_environments_in_one_vector(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_close_twice(lee1991: Cell, lee2006: BlendCell, physics: Physics) -> None:
+def test_close_twice(lee1991: Cell, lee2006: BlendCell, chung: IKCell, physics: Physics) -> None:
     for env in (
         YieldingEnv(lee1991, physics=physics),
         CoordinationEnv(lee1991, physics=physics),
         BlendTrackingEnv(lee2006, physics=physics),
+        FeedbackIKEnv(chung, physics=physics),
     ):
         env.close()
         env.close()

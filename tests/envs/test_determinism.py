@@ -16,8 +16,8 @@ from armtempo.planners import Cell, Mode
 _SCRIPT = """
 import hashlib, sys
 import numpy as np
-from armtempo.envs import BlendTrackingEnv, CoordinationEnv, YieldingEnv
-from armtempo.planners import BlendCell, load_cell
+from armtempo.envs import BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv, YieldingEnv
+from armtempo.planners import BlendCell, IKCell, load_cell
 
 cell, digest = load_cell("lee1991"), hashlib.sha256()
 for physics in ("bullet", "ideal"):
@@ -57,6 +57,21 @@ for physics in ("bullet", "ideal"):
                 over = rest[1] or rest[2]
                 digest.update(observation.tobytes() + repr(rest).encode())
         for array in (env.trace.s, env.trace.q, env.trace.tip, env.trace.torque, env.trace.contour_error):
+            digest.update(array.tobytes())
+        env.close()
+    for mode, size, family in (("speeds", 6, "near-singular"), ("gains", 4, "partly-unreachable")):
+        env = FeedbackIKEnv(
+            load_cell("chung", IKCell), physics=physics, action_mode=mode, family=family, max_episode_s=1.0, record=True
+        )
+        for seed in (3, None):
+            observation, info = env.reset(seed=seed)
+            digest.update(observation.tobytes() + repr(info).encode())
+            over = False
+            while not over:
+                observation, *rest = env.step(random.uniform(-1.0, 1.0, size).astype(np.float32))
+                over = rest[1] or rest[2]
+                digest.update(observation.tobytes() + repr(rest).encode())
+        for array in (env.trace.q, env.trace.reference, env.trace.error, env.trace.torque, env.trace.singular_value):
             digest.update(array.tobytes())
         env.close()
 sys.stdout.write(digest.hexdigest())
