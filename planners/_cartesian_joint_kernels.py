@@ -20,7 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.robots import ArmModel, kernels, njit
+from armtempo.planners._feedback_ik_kernels import Scratch as ArmScratch
+from armtempo.planners._feedback_ik_kernels import scratch as arm_scratch
+from armtempo.planners._feedback_ik_kernels import tip_and_jacobian
+from armtempo.robots import ArmModel, njit
 
 __all__ = ["Reference", "Scratch", "follow", "scratch", "speed_bounds"]
 
@@ -44,8 +47,8 @@ class Reference(NamedTuple):
 
 class Scratch(NamedTuple):
     q: Floats
-    T: Floats
-    J: Floats
+    arm: ArmScratch
+    """Of the tip and the Jacobian at q."""
     A: Floats
     B: Floats
 
@@ -53,76 +56,40 @@ class Scratch(NamedTuple):
 @njit
 def scratch(n: int) -> Scratch:
     """Room for one arm of n joints."""
-    return Scratch(np.empty((1, n)), np.empty((1, n + 1, 4, 4)), np.empty((6, n)), np.empty((n, n)), np.empty((n, n)))
+    return Scratch(np.empty(n), arm_scratch(n, 0), np.empty((n, n)), np.empty((n, n)))
 
 
 @njit
-def _jacobian(model: ArmModel, w: Scratch) -> None:
-    """Frames w.T and Jacobian w.J of the tip in world axes at w.q[0]."""
-    kernels.batch_link_frames(model, w.q, w.T)
-    n = w.q.shape[1]
-    tip = w.T[0, n]
-    for i in range(n):
-        T, a = w.T[0, i], model.axis[i]
-        zx = T[0, 0] * a[0] + T[0, 1] * a[1] + T[0, 2] * a[2]
-        zy = T[1, 0] * a[0] + T[1, 1] * a[1] + T[1, 2] * a[2]
-        zz = T[2, 0] * a[0] + T[2, 1] * a[1] + T[2, 2] * a[2]
-        if model.prismatic[i]:
-            w.J[0, i], w.J[1, i], w.J[2, i] = zx, zy, zz
-            w.J[3, i], w.J[4, i], w.J[5, i] = 0.0, 0.0, 0.0
-        else:
-            x, y, z = tip[0, 3] - T[0, 3], tip[1, 3] - T[1, 3], tip[2, 3] - T[2, 3]
-            w.J[0, i], w.J[1, i], w.J[2, i] = zy * z - zz * y, zz * x - zx * z, zx * y - zy * x
-            w.J[3, i], w.J[4, i], w.J[5, i] = zx, zy, zz
+def _drift(J: Floats, u: Floats, out: Floats) -> None:
+    """J' u for joint speeds u (n,), into out (6,): the tip's acceleration where the joints have none.
 
-
-@njit
-def _drift(model: ArmModel, w: Scratch, u: Floats, out: Floats) -> None:
-    """J' u for joint speeds u (n,), into out (6,): the tip's acceleration where the joints have none."""
-    n = u.shape[0]
-    wx = wy = wz = 0.0
+    Column j changes as the joints before it turn it, and as joint j turns all columns after it.
+    """
+    ax = ay = az = 0.0
     bx = by = bz = 0.0  # angular acceleration
-    ax = ay = az = 0.0  # acceleration of the link's origin
-    for i in range(n + 1):
-        T = w.T[0, i]
-        if i > 0:
-            rx, ry, rz = T[0, 3] - w.T[0, i - 1, 0, 3], T[1, 3] - w.T[0, i - 1, 1, 3], T[2, 3] - w.T[0, i - 1, 2, 3]
-            cx, cy, cz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
-            ax += by * rz - bz * ry + wy * cz - wz * cy
-            ay += bz * rx - bx * rz + wz * cx - wx * cz
-            az += bx * ry - by * rx + wx * cy - wy * cx
-        if i == n:
-            break
-        a = model.axis[i]
-        zx = (T[0, 0] * a[0] + T[0, 1] * a[1] + T[0, 2] * a[2]) * u[i]
-        zy = (T[1, 0] * a[0] + T[1, 1] * a[1] + T[1, 2] * a[2]) * u[i]
-        zz = (T[2, 0] * a[0] + T[2, 1] * a[1] + T[2, 2] * a[2]) * u[i]
-        if model.prismatic[i]:
-            ax += 2.0 * (wy * zz - wz * zy)
-            ay += 2.0 * (wz * zx - wx * zz)
-            az += 2.0 * (wx * zy - wy * zx)
-        else:
-            bx += wy * zz - wz * zy
-            by += wz * zx - wx * zz
-            bz += wx * zy - wy * zx
-            wx += zx
-            wy += zy
-            wz += zz
+    wx = wy = wz = 0.0  # angular velocity of the link before
+    for j in range(u.shape[0]):
+        x, y, z = u[j] * J[3, j], u[j] * J[4, j], u[j] * J[5, j]
+        vx, vy, vz = u[j] * J[0, j], u[j] * J[1, j], u[j] * J[2, j]
+        sx, sy, sz = 2.0 * wx + x, 2.0 * wy + y, 2.0 * wz + z
+        ax, ay, az = ax + sy * vz - sz * vy, ay + sz * vx - sx * vz, az + sx * vy - sy * vx
+        bx, by, bz = bx + wy * z - wz * y, by + wz * x - wx * z, bz + wx * y - wy * x
+        wx, wy, wz = wx + x, wy + y, wz + z
     out[0], out[1], out[2], out[3], out[4], out[5] = ax, ay, az, bx, by, bz
 
 
 @njit
 def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
     """A = [task J; N^T] into w.A."""
-    m, n = task.shape[0], w.q.shape[1]
+    m, n = task.shape[0], w.q.shape[0]
     for k in range(n):
         for i in range(m):
             value = 0.0
             if m == 6:  # all of the twist, in whatever axes
-                w.A[i, k] = w.J[i, k]
+                w.A[i, k] = w.arm.J[i, k]
                 continue
             for r in range(6):
-                value += task[i, r] * w.J[r, k]
+                value += task[i, r] * w.arm.J[r, k]
             w.A[i, k] = value
         for i in range(m, n):
             w.A[i, k] = null[k, i - m]
@@ -212,7 +179,7 @@ def follow(
             r[2, j] = 2 * c[2, j] + x * (6 * c[3, j] + x * (12 * c[4, j] + x * 20 * c[5, j]))
             r[1, j] /= size
             r[2, j] /= size * size
-            w.q[0, j] = r[0, j]
+            w.q[j] = r[0, j]
         for i in range(n - m):
             for d in range(3):
                 value = 0.0
@@ -221,39 +188,39 @@ def follow(
                 rest[d, i] = value
         off[k] = before = math.inf
         for _ in range(NEWTON):
-            _jacobian(model, w)
+            tip_and_jacobian(model, w.q, w.arm)
             _matrix(task, N, w)
             if not _invert(w):
                 break
-            T, R = w.T[0, n], rotation[k]
+            tip, R = w.arm.tip, rotation[k]
             for i in range(3):
-                error[i] = position[k, i] - T[i, 3]
+                error[i] = position[k, i] - tip[0, i]
                 a, b = (i + 2) % 3, (i + 1) % 3  # R Rtip^T turns by sin(angle) axis = half its odd part
                 value = 0.0
                 for j in range(3):
-                    value += R[a, j] * T[b, j] - R[b, j] * T[a, j]
+                    value += R[a, j] * tip[1 + j, b] - R[b, j] * tip[1 + j, a]
                 error[3 + i] = 0.5 * value
             for i in range(n - m):
                 spare[i] = rest[0, i]
                 for j in range(n):
-                    spare[i] -= N[j, i] * w.q[0, j]
+                    spare[i] -= N[j, i] * w.q[j]
             _solve(w, task, error, spare, step)
             largest = 0.0
             for j in range(n):
-                w.q[0, j] += step[j]
+                w.q[j] += step[j]
                 largest = max(largest, abs(step[j]))
             if not largest < 1e3:
                 break
             if largest <= NOTHING or (largest <= SMALL and before <= SMALL):
                 off[k] = 0.0
                 for j in range(n):
-                    off[k] = max(off[k], abs(w.q[0, j] - r[0, j]))
+                    off[k] = max(off[k], abs(w.q[j] - r[0, j]))
                 break
             before = largest
         for j in range(n):
-            q[k, j] = w.q[0, j]
+            q[k, j] = w.q[j]
         _solve(w, task, twist[k], rest[1], dq[k])
-        _drift(model, w, dq[k], accelerated)
+        _drift(w.arm.J, dq[k], accelerated)
         for i in range(6):
             accelerated[i] = change[k, i] - accelerated[i]
         _solve(w, task, accelerated, rest[2], ddq[k])
@@ -286,8 +253,8 @@ def speed_bounds(
     for k in range(q.shape[0]):
         kept[k] = False
         for j in range(n):
-            w.q[0, j] = q[k, j]
-        _jacobian(model, w)
+            w.q[j] = q[k, j]
+        tip_and_jacobian(model, w.q, w.arm)
         _matrix(task, null[k], w)
         if not _invert(w):
             continue
@@ -307,7 +274,7 @@ def speed_bounds(
                 weight[j, 2] += w.B[j, i] * w.B[j, i]
             for part in range(3):
                 weight[j, part] = math.sqrt(weight[j, part])
-            lever[j] = math.sqrt(w.J[0, j] ** 2 + w.J[1, j] ** 2 + w.J[2, j] ** 2)
+            lever[j] = math.sqrt(w.arm.J[0, j] ** 2 + w.arm.J[1, j] ** 2 + w.arm.J[2, j] ** 2)
             largest = max(largest, abs(dq[k, j]))
         for j in range(n):
             guess[j] = abs(dq[k, j]) + 0.02 * largest + 1e-9

@@ -17,8 +17,9 @@ from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, RobotError
 from armtempo.planners import _cartesian_joint_kernels as loops
 from armtempo.planners._feedback_ik import FeedbackIK, IKGains, IKRun
 from armtempo.planners._feedback_ik_kernels import LIMIT
@@ -27,6 +28,7 @@ from armtempo.planners._planar_pair import check_position_limits
 from armtempo.planners._pose_path import PosePath, TipSegments, as_pose_path
 from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._range_max import RangeMax
+from armtempo.planners._spherical_wrist_ik import SphericalWristIK
 from armtempo.robots import Arm
 
 __all__ = ["CartesianJointPath"]
@@ -38,10 +40,13 @@ INTERVALS = 512  # of a path at first, and
 FEWEST, MOST = 8, 2**13  # of one of its pieces
 MIDDLE = 1e-5  # [rad, m] how far quintics may be from the path in the middle of intervals: one step of Newton from it
 NEAR_START = 0.25  # [rad, m] how far a joint may be moved onto the start of the path
+BESIDE = 1e-6  # [rad, m] how far the tip may be from poses where the task leaves that out
+SINGULAR = 1e-3  # [rad, length] at a tip so near its goal a joint has to move further than NEAR_START next to one only
 LOOSE = 0.05  # of the fastest joint's speed: how far bounds of speeds exceed those in the middle of their interval
 HALVINGS = 14  # of an interval, for such bounds
 STIFF = 0.25  # gain of the tracker, per step
 HELD = 2000  # steps to get to a pose, if that can be
+FALLING = 1e-3  # of what is left then, over the last tenth of them: it goes on. Measured: > 5e-2, or < 1e-5
 ATTRACTION = 2.0  # [1/m] at which a redundant arm is drawn to its posture
 
 
@@ -86,13 +91,14 @@ class CartesianJointPath(JointPath):
     ) -> None:
         if not 0.0 < speed_min < np.inf:
             raise InputError(f"speed_min = {speed_min}", remedy="give a speed > 0")
-        if task not in ("auto", "pose", "position"):
+        if not isinstance(task, str) or task not in ("auto", "pose", "position"):
             raise InputError(f"task {task!r}", remedy="use 'auto', 'pose' or 'position'")
-        first = np.array(start, dtype=np.float64)
-        if first.shape != (arm.dof,) or not np.isfinite(first).all():
-            raise InputError(
-                f"start of shape {first.shape} or not finite", remedy=f"give one position for each of {arm.dof} joints"
-            )
+        first, rest = (np.array(q, dtype=np.float64) for q in (start, start if posture is None else posture))
+        for name, q in (("start", first), ("posture", rest)):
+            if q.shape != (arm.dof,) or not np.isfinite(q).all():
+                raise InputError(
+                    f"{name} of shape {q.shape} or not finite", remedy=f"give one position for each of {arm.dof} joints"
+                )
         self.arm, self.cartesian, self.dof = arm, cartesian, arm.dof
         self._poses = as_pose_path(cartesian, arm.tip_pose(first)[:3, :3])
         self.length = float(self._poses.length)
@@ -106,7 +112,7 @@ class CartesianJointPath(JointPath):
             task=task,
             damping=1e-3,
             joint_speed_max=np.full(arm.dof, np.inf),
-            posture=first if posture is None else posture,
+            posture=rest,
             posture_gain=ATTRACTION,
         )
         self._task, self._speed_min = self._tracker.task, speed_min
@@ -119,6 +125,7 @@ class CartesianJointPath(JointPath):
             )
         self._check_turning()
         self._track(self._on_start(first))
+        self._check_beside(self.station, self._nodes[0])
         self._check_speed(self.station, self._nodes[1])
         self._bound_speeds()
         check_position_limits(arm, self, self.station)
@@ -162,11 +169,13 @@ class CartesianJointPath(JointPath):
         curve[0, 0] = first
         still = loops.Reference(np.array([0.0, self.length]), curve, self._null_space(first[None]))
         q, _, _, off = self._follow(still, np.zeros(1), np.zeros(1, dtype=np.int64), False)
-        if not off[0] <= NEAR_START:
-            pose, tip = self._poses.poses(0.0), arm.tip_pose(first)
-            away = float(np.linalg.norm(pose.position - tip[:3, 3]))
-            cosine = 0.5 * (np.trace(pose.rotation @ tip[:3, :3].T) - 1.0)
-            turned = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        missed = self._miss(np.zeros(1), q if off[0] <= NEAR_START else first[None])
+        away, turned = np.linalg.norm(missed.reshape(2, 3), axis=1).tolist()
+        if off[0] <= NEAR_START:
+            self._check_beside(np.zeros(1), q)
+        elif away <= SINGULAR * self._tracker.length and turned <= SINGULAR:
+            raise self._singular(0.0, first, None)
+        if not off[0] <= NEAR_START or turned > 1.0:  # Newton takes half a turn for none
             raise self._refuse(
                 0.0,
                 "start",
@@ -175,6 +184,27 @@ class CartesianJointPath(JointPath):
             )
         self._check_range(q[0])
         return np.asarray(np.clip(q[0], arm.position_min, arm.position_max))
+
+    def _miss(self, station: Array, q: Array) -> Array:
+        """What the tip at joints q (S, n) lacks to the poses (S, 6) [m, rad]; no turning where the task has none."""
+        tip, poses = self.arm.tip_pose(q), self._poses.poses(station)
+        turned = Rotation.from_matrix(poses.rotation @ tip[:, :3, :3].transpose(0, 2, 1)).as_rotvec()
+        return np.concatenate([poses.position - tip[:, :3, 3], turned * self._task[:, 3:].any()], axis=1)
+
+    def _check_beside(self, station: Array, q: Array) -> None:
+        """Refuse joints q (S, n) whose tip is off the poses where the task leaves that out."""
+        missed = self._miss(station, q)
+        beside = (missed - missed @ self._task.T @ self._task).reshape(-1, 2, 3)
+        k, part = np.unravel_index(int(np.linalg.norm(beside, axis=2).argmax()), beside.shape[:2])
+        off = float(np.linalg.norm(beside[k, part]))
+        if off <= BESIDE:
+            return
+        where = float(station[k])
+        if part == 0:
+            what = f"leaves the workspace: it is {off:.4g} m beside all that the tip can reach"
+            raise self._refuse(where, "workspace", what, "move the path or the base", distance_m=off)
+        what = f"turns the tool by {off:.4g} rad about axes that the arm has not"
+        raise self._refuse(where, "turning", what, "give the orientation at start, or turns of it about the arm's axis")
 
     def _check_range(self, start: Array) -> None:
         arm, beyond = self.arm, 1e-9
@@ -288,15 +318,28 @@ class CartesianJointPath(JointPath):
         p, R = (np.repeat(a[2 * far : 2 * far + 1], rows, axis=0) for a in (target.position, target.rotation))
         still = np.zeros((rows, 3))
         run = self._tracker.track(PoseTarget.sample(lambda _: (p, R, still, still), HELD * step, step), q[far])
-        away, turned = float(run.position_error[-1]), oriented * float(run.orientation_error[-1])
-        if max(away / length, turned) > 1e-5:
+        missed = run.position_error / length + oriented * run.orientation_error
+        falling = missed[-1] < (1.0 - FALLING) * missed[-HELD // 10]
+        if missed[-1] > 1e-5 and not falling and not (oriented and self._in_closed_form(p[0], R[0])):
+            away = float(run.position_error[-1])
             raise self._refuse(
                 s[k],
                 "workspace",
-                f"leaves the workspace: the arm gets no nearer to it than {away:.4g} m and {turned:.4g} rad",
+                f"leaves the workspace: reaching for it the arm stops {away:.4g} m and "
+                f"{oriented * run.orientation_error[-1]:.4g} rad short",
                 "move the path or the base",
                 distance_m=away,
             )
+
+    def _in_closed_form(self, position: Array, rotation: Array) -> bool:
+        """There is a closed form, and it reaches the pose."""
+        try:
+            closed = SphericalWristIK(self.arm)
+        except RobotError:
+            return False
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation, position
+        return bool(np.isfinite(closed.within_limits(closed.solve(T))).all(axis=-1).any())
 
     def _singular(self, station: float, q: Array, speed: float | None) -> PathError:
         J = self._task @ (self.arm.jacobian(q) / np.array([[self._tracker.length]] * 3 + [[1.0]] * 3))

@@ -113,7 +113,7 @@ def as_pose_path(path: TipSegments | PosePath, rotation: Array) -> PosePath:
     """The path as poses; ``rotation`` (3, 3) where it has no orientation.
 
     Raises:
-        InputError: It is no path.
+        InputError: It is no path; its poses at breakpoints are none.
     """
     if isinstance(path, TipSegments):
         return TipPosePath(path, rotation)
@@ -127,6 +127,10 @@ def as_pose_path(path: TipSegments | PosePath, rotation: Array) -> PosePath:
         raise InputError("breakpoints do not rise from 0 to the length", remedy="give (K + 1,) rising stations")
     if bends.shape != (len(ends) - 1, 2) or not ((bends >= 0.0) & np.isfinite(bends)).all():
         raise InputError(f"bends of shape {bends.shape}", remedy=f"give ({len(ends) - 1}, 2) finite upper bounds >= 0")
+    poses = path.poses(ends)
+    R, finite = poses.rotation, all(np.isfinite(a).all() for a in poses)
+    if not finite or np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max() > 1e-9 or np.linalg.det(R).min() < 0.0:
+        raise InputError("its poses are not finite, or no rotations", remedy="give orthonormal right-handed rotations")
     return path
 
 

@@ -284,9 +284,7 @@ def line(name: str, *steps: tuple[float, float, float]) -> CartesianPath:
 
 
 def test_out_of_the_workspace() -> None:
-    with pytest.raises(
-        PathError, match=r"'puma560' leaves the workspace: .* no nearer to it than .*station 0\.\d+"
-    ) as e:
+    with pytest.raises(PathError, match=r"'puma560' leaves the workspace: .*stops .* short.*station 0\.\d+") as e:
         CartesianJointPath(robot("puma"), line("puma", (0.5, 0.0, 0.0)), STARTS["puma"])
     assert e.value.data["reason"] == "workspace"
     # The oracle: no branch of the closed form reaches on from there.
@@ -318,6 +316,24 @@ def test_through_a_singular_wrist() -> None:
     assert 1e-4 < speed < 0.02
     edge = np.linspace(0.0, slow.length, 2049)
     assert _check_bounds(slow, edge[:-1], edge[1:]) < 1.3
+
+
+@pytest.mark.parametrize("alone", ["closed form", "falling error"])
+def test_a_straight_wrist_is_no_end_of_the_workspace(alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Axes 4 and 6 come into line within the reach: the damped tracker gets there, but slowly. Two things tell."""
+    if alone == "closed form":
+        monkeypatch.setattr("armtempo.planners._cartesian_joint_path.FALLING", 1.0)
+    else:
+        monkeypatch.setattr(CartesianJointPath, "_in_closed_form", lambda *_: False)
+    free = [None, None, None, (-6.0, 6.0), None, (-6.0, 6.0)]
+    puma = Arm.from_urdf(data_path("robots/puma560.urdf"), position_limits=free)
+    q = np.array([0.3, 0.8, -2.9, 0.2, 0.3, 0.1])
+    first, last = puma.tip_pose(q), puma.tip_pose(q + np.array([0.05, 0.02, -0.03, 0.0, -0.6, 0.0]))
+    ends = [Rotation.from_matrix(T[:3, :3]).as_quat() for T in (first, last)]
+    path = BlendedPath([Line(first[:3, 3], last[:3, 3])], 0.01, orientation=ends)
+    with pytest.raises(PathError, match="too near a singularity") as e:
+        CartesianJointPath(puma, path, q, speed_min=1e-4)
+    assert e.value.data["reason"] == "singular"
 
 
 def test_at_a_joints_limit() -> None:
@@ -352,6 +368,47 @@ def test_the_start_is_moved_onto_the_path_or_refused() -> None:
     assert e.value.data["reason"] == "start"
 
 
+def test_a_singular_start_is_told_as_such() -> None:
+    for name, joint in (("puma", 4), ("two", 1)):
+        straight = np.array(STARTS[name])
+        straight[joint] = 0.0
+        tip = robot(name).tip_pose(straight)[:3, 3]
+        with pytest.raises(PathError, match=r"too near a singularity.*station 0 m") as e:
+            CartesianJointPath(robot(name), Line(tip, 0.9 * tip), straight)
+        assert e.value.data["reason"] == "singular"
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8)])
+def test_half_a_turn_at_the_start(axis: tuple[float, float, float]) -> None:
+    """Newton's error, the sine of the angle, is zero there."""
+    tip = robot("puma").tip_pose(STARTS["puma"])
+    half = (Rotation.from_rotvec(np.pi * np.array(axis)) * Rotation.from_matrix(tip[:3, :3])).as_quat()
+    path = BlendedPath.through([tip[:3, 3], 0.9 * tip[:3, 3]], orientation=[half, half])
+    with pytest.raises(PathError, match=r"does not begin at the start.* 3\.142 rad from it"):
+        CartesianJointPath(robot("puma"), path, STARTS["puma"])
+
+
+@pytest.mark.parametrize(("rise", "height"), [(0.03, 0.0), (0.0, 0.5), (1e-5, 0.0)])
+def test_beside_the_plane_of_two_links(rise: float, height: float) -> None:
+    """As the closed form refuses it: the task has no row across the plane."""
+    tip = robot("two").tip_pose(STARTS["two"])[:3, 3] + (0.0, 0.0, height)
+    path = Line(tip, tip + np.array([-0.05, 0.02, rise]))
+    with pytest.raises(PathError, match=rf"workspace: it is {max(rise, height):.4g} m beside"):
+        JointPath.along(path, robot("two"), start=STARTS["two"])
+    with pytest.raises(PathError, match="leaves the plane"):
+        JointPath.along(path, robot("two"), elbow="positive")
+
+
+@pytest.mark.parametrize("tilt", [0.5, np.pi])
+def test_a_tilt_that_a_scara_has_not(tilt: float) -> None:
+    tip = robot("scara").tip_pose(STARTS["scara"])
+    tilted = (Rotation.from_rotvec((tilt, 0.0, 0.0)) * Rotation.from_matrix(tip[:3, :3])).as_quat()
+    path = BlendedPath.through([tip[:3, 3], 0.9 * tip[:3, 3]], orientation=[tilted, tilted])
+    with pytest.raises(PathError, match=rf"by {tilt:.4g} rad about axes that the arm has not \(station 0 m") as e:
+        CartesianJointPath(robot("scara"), path, STARTS["scara"])
+    assert e.value.data["reason"] == "turning"
+
+
 def test_turning_that_the_arm_has_not() -> None:
     first = Rotation.from_matrix(robot("scara").tip_pose(STARTS["scara"])[:3, :3])
     points = robot("scara").tip_pose(STARTS["scara"])[:3, 3] + [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0)]
@@ -374,6 +431,8 @@ def test_what_cannot_be_used() -> None:
     for options, words in (
         ({"start": start[:5]}, "start of shape"),
         ({"start": [*start[:5], math.nan]}, "not finite"),
+        ({"posture": [*start[:5], math.inf], "task": "position"}, "posture of shape .* not finite"),
+        ({"task": np.eye(6)}, "task array"),
         ({"speed_min": 0.0}, "speed_min"),
         ({"task": "tip"}, "task 'tip'"),
         ({"cartesian": 3}, "int is no Cartesian path"),
@@ -386,6 +445,10 @@ def test_what_cannot_be_used() -> None:
         CartesianJointPath(puma, bad("bends", np.zeros((2, 2))), start)
     with pytest.raises(InputError, match="breakpoints do not rise"):
         CartesianJointPath(puma, bad("breakpoints", np.array([0.0, 0.3])), start)
+    mirrored = puma.tip_pose(start)
+    mirrored[:3, 0] *= -1.0
+    with pytest.raises(InputError, match="no rotations"):
+        CartesianJointPath(puma, Swing(mirrored), start)
     for choice in ({}, {"elbow": "positive", "start": start}):
         with pytest.raises(InputError, match="its elbow or its start posture, one of the two"):
             JointPath.along(path, puma, **choice)  # type: ignore[arg-type]
