@@ -89,6 +89,7 @@ def corners(name: str, seed: int = 0, *, turned: bool = False, scale: float = 0.
     return BlendedPath(segments, size, curve="quintic", orientation=ends)
 
 
+@cache
 def followed(name: str, seed: int = 0, *, turned: bool = False, scale: float = 0.12) -> CartesianJointPath:
     return CartesianJointPath(robot(name), corners(name, seed, turned=turned, scale=scale), STARTS[name])
 
@@ -148,8 +149,7 @@ def test_the_closed_form_of_a_puma_comes_out() -> None:
 @pytest.mark.parametrize("name", ["puma", "panda", "iiwa"])
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_tip_is_on_the_path_and_both_derivatives_are_exact(name: str, turned: bool) -> None:
-    cartesian = corners(name, turned=turned)
-    path = CartesianJointPath(robot(name), cartesian, STARTS[name])
+    cartesian, path = corners(name, turned=turned), followed(name, turned=turned)
     lam = np.linspace(0.0, path.length, 2001)
     q, dq, ddq = path.evaluate(lam)
     T = path.arm.tip_pose(q)
@@ -205,7 +205,7 @@ def test_poses_of_ones_own(name: str) -> None:
 
 
 def test_spare_joints_move_smoothly_and_the_same_each_time() -> None:
-    path, again = followed("panda"), followed("panda")
+    path, again = followed("panda"), CartesianJointPath(robot("panda"), corners("panda"), STARTS["panda"])
     lam = np.linspace(0.0, path.length, 999)
     for a, b in zip(path.evaluate(lam), again.evaluate(lam), strict=True):
         np.testing.assert_array_equal(a, b)
