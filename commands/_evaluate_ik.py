@@ -47,8 +47,9 @@ def _tabulate(evaluation: IKEvaluation, output: Output) -> None:
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{given})",
         f"errors of a law that decides every {1e3 * cell.control_period:g} ms, largest gain x period {product}; "
-        f"damped: share of the time below a singular value of {config.law.damping:g}; cut: share in which a cap or limit cut what was asked for; good: rms errors below "
-        f"{1e3 * config.error_scale_m:g} mm and {config.error_scale_rad:g} rad",
+        f"damped: share of the time below a singular value of {config.law.damping:g}; "
+        "cut: share in which a cap or limit cut what was asked for; "
+        f"good: rms errors below {1e3 * config.error_scale_m:g} mm and {config.error_scale_rad:g} rad",
     )
     table.add_column("policy", no_wrap=True)
     for head in (

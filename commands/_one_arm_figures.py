@@ -81,7 +81,8 @@ def purposeful(traces: Mapping[str, Some]) -> dict[str, Some]:
 def legend(figure: Figure, names: Mapping[str, object], *more: Line2D) -> None:
     """Policies and ``more``, below."""
     handles = [Line2D([], [], label=name, **line_of(name)) for name in names]
-    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=min(len(handles) + len(more), 6))
+    count = len(handles) + len(more)
+    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=count if count <= 6 else -(-count // 2))
 
 
 def arm_points(arm: Arm, q: Array) -> Array:
@@ -100,11 +101,16 @@ def draw_start(axes: Axes, view: View, path: Array) -> None:
     """Mark where a path (K, 3), evenly sampled, starts, and which way it goes there."""
     points = path[:, view.axes]
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    reach = 0.5 * float(np.ptp(points, axis=0).max())
+    reach = 0.3 * float(np.ptp(points, axis=0).max())
     if reach == 0.0:
         return  # seen end on, or it stands still
-    tail, head = (int(np.searchsorted(travelled, share * reach)) for share in (0.5, 0.75))
-    arrow = {"arrowstyle": "-|>,head_length=0.7,head_width=0.35", "color": INK, "linewidth": 0.0, "shrinkB": 0.0}
+    tail, head = (int(np.searchsorted(travelled, share * reach)) for share in (0.75, 1.0))
+    arrow = {
+        "arrowstyle": "-|>,head_length=1.3,head_width=0.45",
+        "facecolor": INK,
+        "edgecolor": "white",
+        "shrinkB": 0.0,
+    }
     axes.annotate("", points[min(head, len(points) - 1)], points[tail], arrowprops=arrow, zorder=7.0)
     axes.plot(*points[0], **START)
 
