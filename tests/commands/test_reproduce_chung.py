@@ -130,7 +130,7 @@ def test_the_same_bits_twice(chung: IKCell) -> None:
 
 
 def test_path_and_start_are_the_cells(chung: IKCell) -> None:
-    p, R, v, _ = papers_path(np.arange(len(chung.target.position)) * 0.5 * chung.physics_tick)
+    p, R, v, _ = papers_path(np.linspace(0.0, chung.duration, len(chung.target.position), dtype=np.float64))
     np.testing.assert_allclose(chung.target.position, p, atol=1e-14)
     np.testing.assert_allclose(chung.target.rotation, R, atol=1e-12)
     np.testing.assert_allclose(chung.target.velocity, v, atol=1e-14)
