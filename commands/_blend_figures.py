@@ -11,8 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from armtempo.commands._one_arm_figures import LIMIT, legend, line_of, purposeful, torques
-from armtempo.commands._style import FAINT, INK, MUTED, arm_color, new_figure, note, styled
+from armtempo.commands._one_arm_figures import (
+    FROM_ABOVE,
+    FROM_THE_SIDE,
+    LIMIT,
+    START,
+    View,
+    draw_arm,
+    draw_start,
+    legend,
+    line_of,
+    purposeful,
+    torques,
+)
+from armtempo.commands._style import FAINT, INK, MUTED, new_figure, note, styled
 from armtempo.planners import Blend, BlendCell
 
 if TYPE_CHECKING:
@@ -22,6 +34,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SAMPLES = 2000
+RISE = 0.15  # of its length: a path that rises and falls by more is seen from the side, too
 BLEND = "#E69F00"
 SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 
@@ -48,36 +61,43 @@ def _shade(axes: Axes, cell: BlendCell) -> None:
 
 @styled
 def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
-    """The path from above with its corners and the arm, and each policy's contour error along it."""
-    figure = new_figure(9.2, 4.4)
-    axes, errors = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-    axes.set_title(f"Path from above, {cell.config.blend.curve} blends")
-    axes.set_aspect("equal")
-    for segment in cell.segments:
-        points = segment.evaluate(np.linspace(0.0, segment.length, 50))[0]
-        axes.plot(points[:, 0], points[:, 1], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), zorder=3.0)
-    points = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))
-    axes.plot(points[:, 0], points[:, 1], color=INK, linewidth=1.8, zorder=4.0)
-    for low, high in _windows(cell):
-        points = cell.blended.position(np.linspace(low, high, 200))
-        axes.plot(points[:, 0], points[:, 1], color=BLEND, linewidth=3.0, zorder=5.0)
-    for station, alpha in ((0.0, 1.0), (cell.blended.length, 0.3)):
-        q = cell.path.evaluate(station)[0]
-        joints = np.vstack([cell.arm.link_poses(q)[:2, :2, 3], cell.arm.tip_pose(q)[:2, 3]])
-        axes.plot(
-            joints[:, 0], joints[:, 1], "o-", color=arm_color(0), linewidth=4.0, markersize=6.0, alpha=alpha, zorder=2.0
-        )
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    """The path with its corners and the arm, and each policy's contour error along it.
+
+    The path is seen from above, and from the side too where it rises by more than it could show.
+    """
+    height = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))[:, 2]
+    rises = float(np.ptp(height)) > RISE * cell.blended.length
+    views = (FROM_ABOVE, FROM_THE_SIDE) if rises else (FROM_ABOVE,)
+    figure = new_figure(9.2 + 3.6 * rises, 4.4)
+    *seen, errors = figure.subplots(1, len(views) + 1, width_ratios=(1.15,) * len(views) + (1.0,))
+    for axes, view in zip(seen, views, strict=True):
+        axes.set_title(f"Path {view.title}" + (f", {cell.config.blend.curve} blends" if view is views[0] else ""))
+        _draw_path(axes, view, cell)
     allowed = _contour_errors(errors, cell, traces)
     handles = (
         Line2D([], [], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), label="given segments"),
         Line2D([], [], color=INK, linewidth=1.8, label="blended path"),
         Line2D([], [], color=BLEND, linewidth=3.0, label="blend"),
+        Line2D([], [], label="start", **START),
         *allowed,
     )
     legend(figure, traces if allowed else {}, *handles)
     return figure
+
+
+def _draw_path(axes: Axes, view: View, cell: BlendCell) -> None:
+    view.prepare(axes)
+    for segment in cell.segments:
+        points = segment.evaluate(np.linspace(0.0, segment.length, 50))[0]
+        axes.plot(*points[:, view.axes].T, color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), zorder=3.0)
+    points = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))
+    axes.plot(*points[:, view.axes].T, color=INK, linewidth=1.8, zorder=4.0)
+    for low, high in _windows(cell):
+        corner = cell.blended.position(np.linspace(low, high, 200))
+        axes.plot(*corner[:, view.axes].T, color=BLEND, linewidth=3.0, zorder=5.0)
+    for station in (0.0, cell.blended.length):
+        draw_arm(axes, view, cell.arm, cell.path.evaluate(station)[0], pale=station > 0.0)
+    draw_start(axes, view, points)
 
 
 def _contour_errors(axes: Axes, cell: BlendCell, traces: Mapping[str, BlendTrace]) -> list[Line2D]:

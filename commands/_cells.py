@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
+from armtempo.commands._evaluate_ik import gain_x_period, unsettled
 from armtempo.commands._output import JsonFile, Output, new_table, number, open_any_cell, shown
 
 if TYPE_CHECKING:
@@ -265,6 +266,7 @@ def describe_ik(cell: IKCell) -> dict[str, Any]:
         "position_gain_1_s": law.position_gain_1_s,
         "approach_gain_1_s": law.approach_gain_1_s,
         "normal_gain_1_s": law.normal_gain_1_s,
+        "gain_x_period_max": gain_x_period(cell),
         "damping": law.damping,
         "task_rows": len(cell.solver.task),
         "position_error_start_m": float(run.position_error[0]),
@@ -304,6 +306,8 @@ def _show_ik(cell: IKCell, output: Output) -> None:
         f"The law alone stays within {1e3 * facts['position_error_max_m']:.2g} mm of it; the smallest singular value "
         f"on the way is {number(facts['singular_value_min'], 3)}, damped is below {facts['damping']:g}."
     )
+    if warning := unsettled(cell):
+        output.say(f"[red]{warning}[/]")
     output.say(
         "Looked at, not certified: at postures of that run the drives can hold the arm, and it does not touch itself. "
         f"File: {shown(cell.config.source)}"

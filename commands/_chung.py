@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from armtempo.configs import IKCellConfig, load_cell_config
+
 if TYPE_CHECKING:
-    from armtempo.planners import IKRun, Integrator, PoseTarget
+    from armtempo.planners import FeedbackIK, IKRun, Integrator, PoseTarget
     from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
@@ -22,10 +24,13 @@ Rates = tuple[Array, Array, Array, Array]
 Motion = Callable[[Array], Rates]
 
 MM = 1e3  # per metre
-KP, KA, KN = 50.9, 20.0, 25.5  # [1/s] the paper's gains
-MIDDLE, AMPLITUDE = np.array([0.45, -0.05, 0.55]), np.array([0.25, 0.45, 0.45])  # [m]
-UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # columns n_d, s, a_d
-PERIOD = 4.0 * math.pi  # [s] of cos(t/2)
+CELL = load_cell_config("chung", IKCellConfig)  # the paper's gains and path
+KP, KA, KN = CELL.law.position_gain_1_s, CELL.law.approach_gain_1_s, CELL.law.normal_gain_1_s  # [1/s]
+PATH = CELL.target.harmonic
+assert PATH is not None
+MIDDLE, AMPLITUDE = np.array(PATH.center_m), np.array(PATH.amplitude_m)  # [m]
+RATE, PERIOD = PATH.rate_rad_s, PATH.duration_s  # [rad/s], [s]
+UPRIGHT = Rotation.from_euler("xyz", PATH.rpy_rad).as_matrix().round(12)  # columns n_d, s, a_d
 ASIDE = np.array([0.10, -0.08, 0.10, 0.50, -0.60, 0.60])  # [rad] the start beside the path's; ours, see above
 SETTLED = 1.0  # [s] 20 time constants of the slowest error
 UNCAPPED = np.full(6, 1e4)  # [rad/s] the paper caps nothing
@@ -40,8 +45,15 @@ SCHEMES = ("differentiated", "fed back", "fed back, true rates")
 
 def papers_path(t: Array) -> Rates:
     """The paper's path at times (N,) [s]: positions, rotations, velocities, angular velocities."""
-    c, s = np.cos(0.5 * t)[:, None], np.sin(0.5 * t)[:, None]
-    return MIDDLE + AMPLITUDE * c, _fixed(UPRIGHT, t), -0.5 * AMPLITUDE * s, np.zeros((len(t), 3))
+    c, s = np.cos(RATE * t)[:, None], np.sin(RATE * t)[:, None]
+    return MIDDLE + AMPLITUDE * c, _fixed(UPRIGHT, t), -RATE * AMPLITUDE * s, np.zeros((len(t), 3))
+
+
+def papers_law(arm: Arm, **options: Any) -> FeedbackIK:
+    """The law with the paper's gains; ``options`` of ``FeedbackIK``."""
+    from armtempo.planners import FeedbackIK, IKGains
+
+    return FeedbackIK(arm, IKGains(position=KP, approach=KA, normal=KN), **options)
 
 
 def swinging(t: Array) -> Rates:
@@ -112,28 +124,20 @@ class Chung(NamedTuple):
 
 def run() -> Chung:
     """Track all targets."""
-    from armtempo.configs import data_path
-    from armtempo.planners import INTEGRATORS, FeedbackIK, PoseTarget, SphericalWristIK
-    from armtempo.robots import Arm
+    from armtempo.planners import INTEGRATORS, IKCell, PoseTarget, load_cell
 
-    arm = Arm.from_urdf(data_path("robots/puma560_chung.urdf"))
-    on_path = SphericalWristIK(arm).solve(_pose(papers_path(np.zeros(1))))[0]  # the best-conditioned of 8 branches
-    target = PoseTarget.sample(papers_path, PERIOD, 1e-3)
-    laws = {fed: FeedbackIK(arm, feed_forward=fed, joint_speed_max=UNCAPPED) for fed in (False, True)}
+    cell = load_cell("chung", IKCell)
+    arm, target, on_path = cell.arm, cell.target, cell.start
+    laws = {fed: papers_law(arm, feed_forward=fed, joint_speed_max=UNCAPPED) for fed in (False, True)}
     entry = {name: laws[fed].track(target, on_path + ASIDE) for name, fed in zip(SHIFTS, laws, strict=True)}
     steady = {}
-    for step in (1e-3, 1e-2):
-        swung = PoseTarget.sample(swinging, PERIOD, step)
+    for step, share in ((1e-2, 1.0), (1e-3, 0.5)):  # half a period has all speeds and accelerations; one is drawn
+        swung = PoseTarget.sample(swinging, share * PERIOD, step)
         for fed, law in laws.items():
-            for integrator in INTEGRATORS:
+            # Where the lag is all of the error, the integrators differ in nothing.
+            for integrator in INTEGRATORS if fed or step == 1e-2 else ("rk4",):
                 steady[fed, integrator, step] = law.track(swung, on_path, integrator=integrator)
     return Chung(arm, target, entry, steady, _outside(arm), _singular(arm), _noisy(arm, target, on_path))
-
-
-def _pose(rates: Rates) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rates[1][0], rates[0][0]
-    return T
 
 
 def _outside(arm: Arm) -> Hard:
@@ -162,9 +166,7 @@ def _singular(arm: Arm) -> Hard:
 
 
 def _hard(arm: Arm, target: PoseTarget, start: Array) -> Hard:
-    from armtempo.planners import FeedbackIK
-
-    return Hard(target, *_printed_law(arm, target, start), FeedbackIK(arm).track(target, start))
+    return Hard(target, *_printed_law(arm, target, start), papers_law(arm).track(target, start))
 
 
 def _printed_law(arm: Arm, target: PoseTarget, start: Array) -> tuple[Array, Array]:
@@ -184,7 +186,7 @@ def _printed_law(arm: Arm, target: PoseTarget, start: Array) -> tuple[Array, Arr
 
 
 def _noisy(arm: Arm, target: PoseTarget, start: Array) -> dict[str, Follower]:
-    from armtempo.planners import FeedbackIK, PoseTarget, ResolvedRateIK
+    from armtempo.planners import PoseTarget, ResolvedRateIK
 
     clean, R, h = target.position[::2], target.rotation[::2], target.step
     differentiated = ResolvedRateIK(arm, position_noise=NOISE).track(target, start)
@@ -193,7 +195,7 @@ def _noisy(arm: Arm, target: PoseTarget, start: Array) -> dict[str, Follower]:
     fed = PoseTarget.through(
         measured, R, h, velocity=target.velocity[::2], angular_velocity=target.angular_velocity[::2]
     )
-    runs = (differentiated, *(FeedbackIK(arm).track(each, start, integrator="euler") for each in (bare, fed)))
+    runs = (differentiated, *(papers_law(arm).track(each, start, integrator="euler") for each in (bare, fed)))
     return {
         name: Follower(done.qd, np.linalg.norm(arm.tip_pose(done.q)[:, :3, 3] - clean, axis=1))
         for name, done in zip(SCHEMES, runs, strict=True)

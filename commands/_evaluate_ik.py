@@ -13,20 +13,43 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from armtempo.agents import IKEvaluation
+    from armtempo.planners import IKCell
 
 OVER = 1.0 + 1e-3  # share of a limit from which the table prints it red: what ticks can resolve
+SETTLING = 2.0  # largest gain x period with which errors die out: a period multiplies them by 1 - gain x period
+
+
+def gain_x_period(cell: IKCell) -> float:
+    """The largest gain of the law times the control period."""
+    law = cell.config.law
+    turning = (law.approach_gain_1_s, law.normal_gain_1_s)[: 1 if law.error == "quaternion" else 2]
+    gains = (law.position_gain_1_s, *(turning if cell.solver.task[:, 3:].any() else ()))
+    return max(gains) * cell.control_period
+
+
+def unsettled(cell: IKCell) -> str:
+    """A sentence where the gains are too high for the control period, else nothing."""
+    product = gain_x_period(cell)
+    if product <= SETTLING:
+        return ""
+    return (
+        f"The largest gain x period is {product:.3g}: above {SETTLING:g} a law that decides every "
+        f"{1e3 * cell.control_period:g} ms makes its errors grow; lower the gains or the period."
+    )
 
 
 def _tabulate(evaluation: IKEvaluation, output: Output) -> None:
     cell, config = evaluation.cell, evaluation.cell.config
     given = circumstances(evaluation.family, evaluation.episodes, evaluation.model_error, "targets")
+    product = f"{gain_x_period(cell):.3g}"
+    product = f"[bold red]{product}[/]" if unsettled(cell) else product
     table = new_table(
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{given})",
-        f"errors of a law that decides every {1e3 * cell.control_period:g} ms, gain x period "
-        f"{config.law.position_gain_1_s * cell.control_period:.3g}; damped: share of the time below a singular value "
-        f"of {config.law.damping:g}; cut: share in which a cap or limit cut what was asked for; good: rms errors below "
-        f"{1e3 * config.error_scale_m:g} mm and {config.error_scale_rad:g} rad",
+        f"errors of a law that decides every {1e3 * cell.control_period:g} ms, largest gain x period {product}; "
+        f"damped: share of the time below a singular value of {config.law.damping:g}; "
+        "cut: share in which a cap or limit cut what was asked for; "
+        f"good: rms errors below {1e3 * config.error_scale_m:g} mm and {config.error_scale_rad:g} rad",
     )
     table.add_column("policy", no_wrap=True)
     for head in (
@@ -84,7 +107,8 @@ def reading(evaluation: IKEvaluation) -> str:
     if lost:
         said.append(f"{', '.join(lost)} lost the orientation by more than 1 rad on the way")
     text = "; ".join(said)
-    return f"{text[:1].upper()}{text[1:]}." if text else ""
+    text = f"{text[:1].upper()}{text[1:]}." if text else ""
+    return " ".join(filter(None, (unsettled(evaluation.cell), text)))
 
 
 def _policies() -> Sequence[str]:

@@ -11,8 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from armtempo.commands._one_arm_figures import LIMIT, legend, line_of, purposeful, torques
-from armtempo.commands._style import INK, MUTED, arm_color, new_figure, note, styled
+from armtempo.commands._one_arm_figures import (
+    ARM,
+    FROM_ABOVE,
+    FROM_THE_SIDE,
+    LIMIT,
+    START,
+    draw_arm,
+    draw_start,
+    legend,
+    line_of,
+    purposeful,
+    torques,
+)
+from armtempo.commands._style import INK, MUTED, new_figure, note, styled
 from armtempo.planners import IKCell
 
 if TYPE_CHECKING:
@@ -22,7 +34,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SMALLEST_M, SMALLEST_RAD = 1e-6, 1e-7  # errors below are drawn there
-TARGET: dict[str, Any] = {"color": INK, "linewidth": 3.2, "alpha": 0.28, "zorder": 2.5}
+BACK = 0.05  # of its extent: a target that ends so near its start has come back
+TARGET: dict[str, Any] = {"color": INK, "linewidth": 8.0, "alpha": 0.28, "zorder": 2.5}
 LAG: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (2, 2)), "zorder": 6.0}
 DAMPED = "#F3E3C3"
 
@@ -44,31 +57,30 @@ def _cell(traces: Mapping[str, IKTrace]) -> IKCell:
 
 @styled
 def paths(traces: Mapping[str, IKTrace]) -> Figure:
-    """Target and tips from above and from the side, with the arm where it starts and where it is to end."""
+    """Target and tips from above and from the side, with the arm where it starts and where it is to be later.
+
+    Policies lie on each other where all are good: the first is the widest.
+    """
     figure = new_figure(9.2, 4.6)
     shown, cell = purposeful(traces), _cell(traces)
-    target = cell.target.position[::2]
-    poses = [cell.start, cell.nominal.q[-1]]
-    for axes, (across, up), title in zip(
-        figure.subplots(1, 2), ((0, 1), (0, 2)), ("From above", "From the side"), strict=True
-    ):
-        axes.set_title(title)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.plot(target[:, across], target[:, up], **TARGET)
-        for q, alpha in zip(poses, (0.9, 0.3), strict=True):
-            T = cell.arm.link_poses(q)[:, :3, 3]
-            joints = np.vstack([cell.arm.T_world_base[:3, 3], T, cell.arm.tip_pose(q)[:3, 3]])
+    target, q = cell.target.position[::2], cell.nominal.q
+    widths = dict(zip(shown, 1.2 + 1.5 * np.arange(len(shown))[::-1], strict=True))
+    back = float(np.linalg.norm(target[-1] - target[0])) < BACK * float(np.ptp(target, axis=0).max())
+    for axes, view in zip(figure.subplots(1, 2), (FROM_ABOVE, FROM_THE_SIDE), strict=True):
+        axes.set_title(view.title.capitalize())
+        view.prepare(axes)
+        axes.plot(*target[:, view.axes].T, **TARGET)
+        draw_arm(axes, view, cell.arm, q[len(q) // 2 if back else -1], pale=True)
+        draw_arm(axes, view, cell.arm, q[0])
+        for k, (name, trace) in enumerate(shown.items()):
             axes.plot(
-                joints[:, across], joints[:, up], "o-", color=arm_color(0), linewidth=3.0, markersize=4.5, alpha=alpha,
-                zorder=2.0,
-            )  # fmt: skip
-        for name, trace in shown.items():
-            axes.plot(trace.tip[:, across], trace.tip[:, up], **line_of(name) | {"linewidth": 1.2})
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel(f"{'xyz'[up]} [m]")
+                *trace.tip[:, view.axes].T, **line_of(name) | {"linewidth": widths[name], "zorder": 4.0 + 0.1 * k}
+            )
+        draw_start(axes, view, target)
     handles = (
         Line2D([], [], label="target", **TARGET),
-        Line2D([], [], color=arm_color(0), linewidth=3.0, marker="o", markersize=4.5, label="arm, start (end pale)"),
+        Line2D([], [], label="its start", **START),
+        Line2D([], [], label=f"arm, start ({'half-way' if back else 'end'} pale)", **ARM),
     )
     legend(figure, shown, *handles)
     return figure

@@ -3,20 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from armtempo.commands._style import new_figure, note, policy_color, styled
+from armtempo.commands._style import INK, arm_color, new_figure, note, policy_color, styled
 from armtempo.planners import BlendCell, IKCell
+from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
 
 LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
 DASHES = {"random": (0, (1, 1.4)), "feedback-damped": (0, (4, 2))}  # the latter often lies on feedback-ff
+
+
+ARM: dict[str, Any] = {
+    "color": arm_color(0), "linewidth": 3.0, "marker": "o", "markersize": 4.5, "zorder": 2.0,
+}  # fmt: skip
+START: dict[str, Any] = {
+    "color": "white", "marker": "o", "markersize": 7.0, "markeredgecolor": INK, "markeredgewidth": 1.4,
+    "linestyle": "none", "zorder": 7.0,
+}  # fmt: skip
+
+
+class View(NamedTuple):
+    """Which world axes a picture shows: its right, its up."""
+
+    title: str
+    axes: tuple[int, int]
+
+    def prepare(self, axes: Axes) -> None:
+        """Label the axes; one scale for both."""
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(f"{'xyz'[self.axes[0]]} [m]")
+        axes.set_ylabel(f"{'xyz'[self.axes[1]]} [m]")
+
+
+FROM_ABOVE, FROM_THE_SIDE = View("from above", (0, 1)), View("from the side", (0, 2))
 
 
 class Trace(Protocol):
@@ -54,7 +81,38 @@ def purposeful(traces: Mapping[str, Some]) -> dict[str, Some]:
 def legend(figure: Figure, names: Mapping[str, object], *more: Line2D) -> None:
     """Policies and ``more``, below."""
     handles = [Line2D([], [], label=name, **line_of(name)) for name in names]
-    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=min(len(handles) + len(more), 6))
+    count = len(handles) + len(more)
+    figure.legend(handles=[*handles, *more], loc="outside lower center", ncols=count if count <= 6 else -(-count // 2))
+
+
+def arm_points(arm: Arm, q: Array) -> Array:
+    """(K, 3) [m] base, joints and tip of an arm at q (n,)."""
+    T = arm.link_poses(q)[:, :3, 3]
+    return np.vstack([arm.T_world_base[:3, 3], T, arm.tip_pose(q)[:3, 3]])
+
+
+def draw_arm(axes: Axes, view: View, arm: Arm, q: Array, *, pale: bool = False) -> None:
+    """An arm at q (n,) as lines between its joints."""
+    points = arm_points(arm, q)[:, view.axes]
+    axes.plot(points[:, 0], points[:, 1], **ARM | {"alpha": 0.3 if pale else 0.9})
+
+
+def draw_start(axes: Axes, view: View, path: Array) -> None:
+    """Mark where a path (K, 3), evenly sampled, starts, and which way it goes there."""
+    points = path[:, view.axes]
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    reach = 0.3 * float(np.ptp(points, axis=0).max())
+    if reach == 0.0:
+        return  # seen end on, or it stands still
+    tail, head = (int(np.searchsorted(travelled, share * reach)) for share in (0.75, 1.0))
+    arrow = {
+        "arrowstyle": "-|>,head_length=1.3,head_width=0.45",
+        "facecolor": INK,
+        "edgecolor": "white",
+        "shrinkB": 0.0,
+    }
+    axes.annotate("", points[min(head, len(points) - 1)], points[tail], arrowprops=arrow, zorder=7.0)
+    axes.plot(*points[0], **START)
 
 
 @styled

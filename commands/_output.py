@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from armtempo.planners import BlendCell, Cell, IKCell, Schedule
 
 LOADING = "Loading {} (compiles once after installation, about a minute)"
+ONE_ARM_KINDS = {  # and the commands that take them
+    "blend": "cells, evaluate, reproduce lee2006",
+    "ik": "cells, evaluate, reproduce chung",
+}
 WIDTH = 118  # of tables that go to a file or a pipe
 
 CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
@@ -157,9 +161,17 @@ def open_cell(name: str, output: Output) -> Cell:
         ConfigError: It is of another kind.
     """
     with output.progress(LOADING.format(name)):
+        from armtempo.errors import ConfigError
         from armtempo.planners import Cell, load_cell
 
-        return load_cell(name, Cell)
+        try:
+            return load_cell(name, Cell)
+        except ConfigError as error:
+            if error.data["key"] != "kind" or error.data["value"] not in ONE_ARM_KINDS:
+                raise
+            kind = error.data["value"]
+            remedy = f"{kind} cells: armtempo {ONE_ARM_KINDS[kind]}; here: a cell of kind coordination, such as lee1991"
+            raise ConfigError(error.message, remedy=remedy, **error.data) from None
 
 
 def open_any_cell(name: str, output: Output) -> Cell | BlendCell | IKCell:

@@ -284,9 +284,11 @@ def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any,
     what = complaint["msg"].removeprefix("Value error, ")
     for theirs, ours in _WORDING:
         what = re.sub(theirs, ours, what)
-    if match := re.match(r"([a-z_\d]+): ", what):  # a check over several keys says which one to change
-        loc, what = (*loc, match[1]), what[match.end() :]
-        value = value.get(match[1]) if isinstance(value, Mapping) else value
+    if match := re.match(r"([a-z_\d.]+): ", what):  # a check over several keys says which one to change
+        what = what[match.end() :]
+        for part in match[1].split("."):
+            step = int(part) if part.isdigit() else part
+            loc, value = (*loc, step), _inside(value, step)
     if kind == "missing" and isinstance(loc[-1], int):
         kind, loc, what = "too_short", loc[:-1], "has too few items"
     meaning = _description(loc, model)
@@ -300,6 +302,14 @@ def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any,
             return _dotted(loc), value, what, meaning or "change it"
         case _:
             return _dotted(loc), value, f"{what}, got {_shown(value)}", meaning or "change it"
+
+
+def _inside(value: Any, key: int | str) -> Any:
+    """What ``value`` has at ``key``, None if nothing: it is the user's."""
+    try:
+        return value[key]
+    except (LookupError, TypeError):
+        return None
 
 
 def _either(names: Iterable[str]) -> str:

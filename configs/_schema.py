@@ -16,6 +16,7 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
+    StrictBool,
     StringConstraints,
     field_validator,
     model_validator,
@@ -37,6 +38,7 @@ Point = tuple[Real, Real, Real]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
 CellTitle = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$")]
 ZERO: Point = (0.0, 0.0, 0.0)
+MOST_TICKS = 1_000_000  # of a target, which is sampled as a whole: 0.3 GB
 
 
 class _Model(BaseModel):
@@ -630,7 +632,7 @@ class FeedbackLawConfig(_Model):
     """Gain of the normal axis' error [1/s]."""
     error: Literal["axes", "quaternion"] = "axes"
     """Error of orientation: approach and normal axes, or the shortest way."""
-    feed_forward: bool = True
+    feed_forward: StrictBool = True
     """Whether the target's velocity is fed forward."""
     task: Literal["auto", "pose", "position"] = "auto"
     """What is controlled; auto: of the pose, what the arm can."""
@@ -660,6 +662,24 @@ class IKCellConfig(_OneArmFile):
     def arms(self) -> tuple[StartedArmConfig]:
         """The arm, as cells of several have theirs."""
         return (self.arm,)
+
+    @model_validator(mode="after")
+    def _target_can_be_sampled(self) -> Self:
+        poses, harmonic = self.target.poses, self.target.harmonic
+        if harmonic is not None:
+            key, duration = "target.harmonic.duration_s", harmonic.duration_s
+        else:
+            assert poses is not None  # by the target's own check
+            key, duration = f"target.poses.{len(poses) - 1}.time_s", poses[-1].time_s
+        if self.control_period_s > duration:  # a target lasts whole periods
+            key, duration = "control_period_s", self.control_period_s
+        if duration > MOST_TICKS * self.physics_tick_s * (1.0 + 1e-9):
+            raise ValueError(
+                f"{key}: {duration:g} s are {duration / self.physics_tick_s:.3g} ticks of physics_tick_s = "
+                f"{self.physics_tick_s:g}, and at most {MOST_TICKS} can be sampled; give at most "
+                f"{MOST_TICKS * self.physics_tick_s:g} s"
+            )
+        return self
 
 
 AnyCellConfig = CellConfig | BlendCellConfig | IKCellConfig

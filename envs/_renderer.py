@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import subprocess
 import sys
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -85,31 +86,41 @@ class Renderer:
         self._scene = Scene(cell, window=mode == "human", egl=mode == "rgb_array" and egl_available())
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
-        tips, points = [], [arm.T_world_base[:3, 3] for arm in cell.arms]
-        for arm, (q, beads) in zip(cell.arms, _sweeps(cell), strict=True):
-            tips.append(beads)
-            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
-            if isinstance(cell, IKCell):
-                points += [*_outline(arm, q)]
-        self._paint(tips, BEAD_IK if isinstance(cell, IKCell) else BEAD)
+        self._beads = self._paint(BEAD_IK if isinstance(cell, IKCell) else BEAD)
         self._axes = self._draw_axes() if isinstance(cell, IKCell) else []
         for obstacle in cell.obstacles:
             self._stand(obstacle)
+        self.show(cell)
+
+    def show(self, cell: Cell | BlendCell | IKCell) -> None:
+        """Show the paths of ``cell``, another than so far but with the same arms and obstacles, and look at them."""
+        points = [arm.T_world_base[:3, 3] for arm in cell.arms]
+        for arm, row, (q, beads) in zip(cell.arms, self._beads, _sweeps(cell), strict=True):
+            for bead, place in zip(row, beads.tolist(), strict=True):
+                pybullet.resetBasePositionAndOrientation(
+                    bead, place, [0.0, 0.0, 0.0, 1.0], physicsClientId=self._scene.client
+                )
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
+            if isinstance(cell, IKCell):
+                points += [*_outline(arm, q)]
         self._aim(np.array(points), TILT_IK if isinstance(cell, IKCell) else TILT)
 
-    def _paint(self, tips: list[Array], size: float) -> None:
-        """Every arm and its path in one colour."""
-        client = self._scene.client
-        for i, (body, beads) in enumerate(zip(self._scene.bodies, tips, strict=True)):
+    def _paint(self, size: float) -> list[Sequence[int]]:
+        """Every arm in a colour of its own; beads for its path, ``BEADS`` each."""
+        client, rows = self._scene.client, []
+        for i, body in enumerate(self._scene.bodies):
             colour = COLOURS[i % len(COLOURS)]
             for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
                 pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=client)
             pale = [*(0.5 + 0.5 * c for c in colour[:3]), 1.0]
             bead = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=size, rgbaColor=pale, physicsClientId=client)
-            pybullet.createMultiBody(
-                baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=beads.tolist(), basePosition=beads[0].tolist(),
-                physicsClientId=client,
+            rows.append(
+                pybullet.createMultiBody(
+                    baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=[[0.0, 0.0, 0.0]] * BEADS,
+                    physicsClientId=client,
+                )
             )  # fmt: skip
+        return rows
 
     def _draw_axes(self) -> list[int]:
         """Three rods for the axes of a target: red, green, blue for its x, y, z."""

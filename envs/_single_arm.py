@@ -79,11 +79,11 @@ class SingleArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]], Gene
         if self._closed:
             raise RenderError("the environment is closed", remedy="make a new one", mode=self.render_mode)
         cell = self.simulation.cell
-        if self._renderer is not None and self._drawn is not cell:  # another path
-            self._renderer.close()
-            self._renderer = None
         if self._renderer is None:
-            self._renderer, self._drawn = Renderer(cell, self.render_mode), cell
+            self._renderer = Renderer(cell, self.render_mode)
+        elif self._drawn is not cell:  # the same arm on another path
+            self._renderer.show(cell)
+        self._drawn = cell
         self._draw_extras(self._renderer)
         return self._renderer.render(self.simulation.joint_positions())
 

@@ -271,6 +271,17 @@ def test_cells_shows_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Looked at, not certified" in capsys.readouterr().out
 
 
+def test_gains_too_high_for_the_control_period_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = data_path("cells/chung.yaml").read_text(encoding="utf-8").replace("duration_s: 12.566", "duration_s: 0.166")
+    file = tmp_path / "mine.yaml"
+    for gain, told in (("199", False), ("201", True)):
+        file.write_text(text.replace("position_gain_1_s: 50.9", f"position_gain_1_s: {gain}"), encoding="utf-8")
+        for line in (["cells"], ["evaluate", "--physics", "ideal", "--no-figures", "--policies", "feedback"]):
+            assert main([line[0], str(file), *line[1:]]) == 0
+            out = " ".join(capsys.readouterr().out.split())
+            assert ("The largest gain x period is 2.01: above 2 a law that decides every 10 ms" in out) == told
+
+
 def test_cells_shows_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["cells", "lee2006", "--json", "cell.json"]) == 0
     facts = load("cell.json")
@@ -323,6 +334,11 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee2006", "--family", "smooth"], ["--family smooth does not exist in blend cells", "zigzag"]),
         (["evaluate", "chung", "--master-late", "1"], ["--mode and --master-late are for cells of several arms"]),
         (["plan", "chung"], ["chung.yaml: kind: this is an ik cell, and a coordination cell is needed here"]),
+        (
+            ["plot", "chung"],
+            ["(ik cells: armtempo cells, evaluate, reproduce chung; here: a cell of kind coordination"],
+        ),
+        (["record", "lee2006"], ["(blend cells: armtempo cells, evaluate, reproduce lee2006; here:"]),
         (["plan", "lee2006"], ["lee2006.yaml: kind: this is a blend cell, and a coordination cell is needed here"]),
         (["plot", "lee2006"], ["this is a blend cell"]),
         (["record", "lee2006"], ["this is a blend cell"]),

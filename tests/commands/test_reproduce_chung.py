@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from armtempo.commands import main
-from armtempo.commands._chung import POSTURE, UNCAPPED, _printed_law, run, still
-from armtempo.commands._chung_table import compare
+from armtempo.commands._chung import POSTURE, UNCAPPED, _noisy, _printed_law, papers_path, still
 from armtempo.configs import data_path
-from armtempo.planners import FeedbackIK, PoseTarget
+from armtempo.planners import FeedbackIK, IKCell, PoseTarget, SphericalWristIK
 from armtempo.robots import Arm
 
 Rows = dict[str, dict[str, Any]]
@@ -123,6 +122,18 @@ def test_the_printed_law_is_that_of_the_solver() -> None:
     np.testing.assert_allclose(errors[:, 1], ours.orientation_error, atol=1e-9)
 
 
-def test_the_same_bits_twice(folder: Path) -> None:
-    again = [quantity.to_dict() for quantity in compare(run())]
-    assert again == json.loads((folder / "r.json").read_text(encoding="utf-8"))
+def test_the_same_bits_twice(chung: IKCell) -> None:
+    first, second = (_noisy(chung.arm, chung.target, chung.start) for _ in range(2))
+    for name, follower in first.items():
+        np.testing.assert_array_equal(follower.qd, second[name].qd)
+        np.testing.assert_array_equal(follower.error, second[name].error)
+
+
+def test_path_and_start_are_the_cells(chung: IKCell) -> None:
+    p, R, v, _ = papers_path(np.linspace(0.0, chung.duration, len(chung.target.position), dtype=np.float64))
+    np.testing.assert_allclose(chung.target.position, p, atol=1e-14)
+    np.testing.assert_allclose(chung.target.rotation, R, atol=1e-12)
+    np.testing.assert_allclose(chung.target.velocity, v, atol=1e-14)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R[0], p[0]
+    np.testing.assert_allclose(chung.start, SphericalWristIK(chung.arm).solve(T)[0], atol=1e-12)  # the best of 8

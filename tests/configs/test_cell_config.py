@@ -636,6 +636,19 @@ def test_corners_can_be_changed() -> None:
         change_blend(tight, curve="quintic", shape_factor=2.0)
 
 
+HARMONIC = {"center_m": [0.4, 0, 0.3], "amplitude_m": [0, 0.1, 0], "rate_rad_s": 1, "duration_s": 1000}
+
+
+def test_the_longest_target_loads_and_errors_keep_its_value(tmp_path: Path) -> None:
+    data = ik_cell() | {"target": {"harmonic": HARMONIC}}
+    parse_cell_config(data, tmp_path / "mine.yaml", IKCellConfig)
+    data["target"] = {"harmonic": HARMONIC | {"duration_s": 1e6}}
+    with pytest.raises(ConfigError) as caught:
+        parse_cell_config(data, tmp_path / "mine.yaml")
+    assert caught.value.data["value"] == 1e6
+    assert "How long it is followed" in caught.value.remedy
+
+
 def ik_cell() -> dict[str, Any]:
     poses = [{"time_s": t, "position_m": [0.4, 0.1 * t, 0.3]} for t in (0, 1, 2)]
     return {
@@ -668,6 +681,18 @@ def ik_cell() -> dict[str, Any]:
             "must have at least 2 items",
         ),
         (top({"control_period_s": 0.0015}), "control_period_s", "must be a whole multiple of physics_tick_s = 0.001"),
+        (top({"law": {"feed_forward": "yes"}}), "law.feed_forward", "must be a valid boolean, got 'yes' (Whether the"),
+        (
+            lambda data: data["target"]["poses"][2].update(time_s=1e6),
+            "target.poses[2].time_s",
+            "1e+06 s are 1e+09 ticks of physics_tick_s = 0.001, and at most 1000000 can be sampled; give at most 1000",
+        ),
+        (
+            top({"target": {"harmonic": HARMONIC | {"duration_s": 1000.1}}}),
+            "target.harmonic.duration_s",
+            "1000.1 s are 1e+06 ticks",
+        ),
+        (top({"control_period_s": 2000}), "control_period_s", "2000 s are 2e+06 ticks"),
     ],
 )
 def test_ik_cells_are_checked_like_all_others(edit: Edit, key: str, words: str, tmp_path: Path) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from armtempo.envs import CoordinationEnv, Renderer, YieldingEnv, _renderer
 from armtempo.envs._renderer import COLOURS, HEIGHT, WIDTH, egl_available
 from armtempo.errors import RenderError
-from armtempo.planners import Cell
+from armtempo.planners import Cell, IKCell
+from armtempo.planners._pose_motions import harmonic
 
 
 def _pixels_of(picture: NDArray[np.uint8], arm: int) -> NDArray[np.bool_]:
@@ -97,3 +99,30 @@ def test_declared_render_modes_follow_the_display(monkeypatch: pytest.MonkeyPatc
     assert _renderer.render_modes() == ["rgb_array"]
     monkeypatch.setenv("DISPLAY", ":0")
     assert _renderer.render_modes() == ["rgb_array", "human"]
+
+
+def test_a_kept_renderer_shows_another_target_as_a_new_one_would(chung: IKCell, renderer_kind: str) -> None:
+    other = chung.variant(harmonic([0.5, 0.1, 0.8], [0.1, 0.0, 0.2], 1.0, np.eye(3)), 1.0, chung.start)
+    pictures = []
+    for cells in ((chung, other), (other,)):
+        renderer = Renderer(cells[0], "rgb_array")
+        for cell in cells:
+            renderer.show(cell)
+            pictures.append(renderer.render(chung.start[None]))
+        renderer.close()
+    given, kept, fresh = pictures
+    assert kept is not None
+    np.testing.assert_array_equal(kept, fresh)
+    assert (kept != given).any()
+
+
+def test_the_links_of_the_puma_join(chung: IKCell) -> None:
+    renderer = Renderer(chung, "rgb_array")
+    for row in (0, 3000, 6283):
+        picture = renderer.render(chung.nominal.q[row, None])
+        assert picture is not None
+        parts, count = label(_pixels_of(picture, 0))
+        sizes = np.bincount(parts.ravel())[1:]
+        assert count >= 1
+        assert (sizes > 40).sum() == 1  # the beads are smaller
+    renderer.close()
