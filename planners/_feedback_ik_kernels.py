@@ -773,10 +773,13 @@ def _step_bounds(
     # The turn of an angular velocity that is not constant, against the turn of its mean.
     slack = spin / 6.0 + turn * (pairs + spin) / 8.0 + 0.5 * (0.25 * pairs + spin / 6.0) ** 2
 
-    off = 0.0
+    parted = off = 0.0
     for r in range(3):
-        off += (targets.position[then, r] - targets.position[here, r] - move[r] + h * feedback[r]) ** 2
-    new[0] = abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off) + rest
+        apart = targets.position[then, r] - targets.position[here, r] - move[r]
+        parted += apart * apart
+        off += (apart + h * feedback[r]) ** 2
+    # The second: where the gain is too high for the step, the caps hold the tip, and the first would grow for ever.
+    new[0] = min(abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off), old[0] + math.sqrt(parted)) + rest
     # Between the samples an error is off its chord by an eighth of its greatest second derivative: the tip's part.
     old[3] = max(old[0], new[0]) + 0.125 * (move[6] + bend)
 
