@@ -87,7 +87,7 @@ class SphericalWristIK:
         target = T[:, :3, 3] + T[:, :3, :3] @ self.wrist_in_tip
         R = T[:, :3, :3] @ self._tip[:3, :3].T  # from zero to the target
         z = self._z
-        rounding = 1e-14 * (1.0 + np.linalg.norm(target, axis=1))  # [m] of coordinates: what may be out of reach
+        rounding = 1e-14 * (1.0 + np.linalg.norm(target, axis=1))  # [m] out of reach by less is not
         with np.errstate(invalid="ignore"):
             for a, waist in enumerate(self._waist(target, rounding)):
                 forward = _turn(z[0], -waist)
@@ -133,8 +133,9 @@ class SphericalWristIK:
         # cos q (x . r) + sin q ((z x x) . r) = what is left of the distance
         u, v = r @ x, r @ np.cross(z, x)
         distance = side @ (self._wrist - self._p[0]) - (r @ z) * (z @ side)
-        left = u * u + v * v - distance * distance
-        root = np.sqrt(np.where(left >= -rounding * (1.0 + np.abs(distance)), np.maximum(left, 0.0), left))
+        away, least = np.hypot(u, v), np.abs(distance)
+        left = np.where(away >= least - rounding, np.maximum(away - least, 0.0), np.nan)
+        root = np.sqrt(left * (away + least))
         towards = np.arctan2(v, u)
         # In front is where the point lies along side x z, a quarter turn before the axis.
         return towards + np.arctan2(root, distance), towards - np.arctan2(root, distance)
@@ -143,9 +144,9 @@ class SphericalWristIK:
         """Shoulder and elbow angles (elbow positive, negative) for points from the shoulder."""
         axis, (upper, fore), (a, b) = self._z[1], self._plane, self._lengths
         flat = point - np.outer(point @ axis, axis)
-        cosine = (np.einsum("ki,ki->k", flat, flat) - a * a - b * b) / (2 * a * b)
-        slack = rounding * (1.0 + (a + b) / (a * b))
-        cosine = np.where(np.abs(cosine) <= 1.0 + slack, np.clip(cosine, -1.0, 1.0), np.nan)
+        away = np.linalg.norm(flat, axis=1)
+        cosine = np.clip((away * away - a * a - b * b) / (2 * a * b), -1.0, 1.0)
+        cosine[(away > a + b + rounding) | (away < abs(a - b) - rounding)] = np.nan
         answers = []
         for sign in (1.0, -1.0):
             elbow = sign * np.arccos(cosine) - self._elbow_zero

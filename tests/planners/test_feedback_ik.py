@@ -363,7 +363,7 @@ def random_run(seed: int) -> tuple[Arm, FeedbackIK, Callable[[Floats], Any], IKR
         axis = more.normal(size=3) if more.random() < 0.5 else np.eye(3)[more.integers(3)]
         short = more.choice([0.0, 0.0, 1e-12, 1e-8, 1e-7])
         half = Rotation.from_rotvec((np.pi - short) * axis / np.linalg.norm(axis))
-        motion = flipped(motion, step * more.integers(1, 1.0 / step), half)
+        motion = flipped(motion, step * more.integers(1, round(1.0 / step)), half)
     target = PoseTarget.sample(motion, 2.0, step)
     run = ik.track(target, away if random.random() < 0.5 else first, integrator=integrator)
     return arm, ik, motion, run, f"{integrator}{' fed' if fed else ''}{' stiff' if stiff else ''}"
@@ -467,7 +467,8 @@ def test_the_wrist_is_tracked_for_the_tip(puma: Arm) -> None:
     assert miss[0] > 0.01
     assert miss[-1] < 1e-8
     assert np.array_equal(ik.joint_speeds(run.q[7], target, 14)[0], run.qd[7])
-    assert len(loops.law_at.signatures) == len(loops._law.signatures) == 1  # compiling them takes a while
+    compiled: list[Any] = [loops.track_many, loops.law_at, loops._law]
+    assert [len(loop.signatures) for loop in compiled] == [1, 1, 1]  # each takes a while
     J = puma.jacobian(run.q)  # its tip is the wrist's centre
     J[:, :3] /= ik.length
     np.testing.assert_allclose(ik.singular_value(run.q), np.linalg.svd(J, compute_uv=False)[:, -1], rtol=1e-10)
@@ -595,9 +596,9 @@ def test_what_cannot_be_used_is_named(puma: Arm) -> None:
     with pytest.raises(InputError, match="posture"):
         FeedbackIK(puma, posture=np.full(6, np.inf))
     with pytest.raises(InputError, match="task must be numbers"):
-        FeedbackIK(puma, task=[[1.0], [1.0, 2.0]])  # type: ignore[arg-type]
+        FeedbackIK(puma, task=[[1.0], [1.0, 2.0]])
     with pytest.raises(InputError, match="starts must be numbers"):
-        FeedbackIK(puma).track_many([target, target], [Q, Q[:5]])  # type: ignore[arg-type]
+        FeedbackIK(puma).track_many([target, target], [Q, Q[:5]])
     with pytest.raises(InputError, match="damping"):
         FeedbackIK(puma, damping=0.0)
     with pytest.raises(InputError, match="task rows"):
