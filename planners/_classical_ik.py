@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError
 from armtempo.planners import _feedback_ik_kernels as loops
+from armtempo.planners._cartesian_path import floats
 from armtempo.planners._feedback_ik import FeedbackIK, IKBounds, IKGains, IKRun, TaskName
 from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._spherical_wrist_ik import SphericalWristIK
@@ -32,7 +33,8 @@ PATIENCE = 100
 class NewtonIK:
     """Newton-Raphson on the pose: ``q += J^#(q) (x_d - x(q))``, from the sample before.
 
-    Where it has not converged it goes on from where it came to; such samples are flagged ``unreached``.
+    Where it has not converged it goes on from where it came to. Run until converged, it flags such samples
+    ``unreached``; with a count of steps nothing is flagged, and the errors tell.
 
     Args:
         arm: Any serial arm.
@@ -52,8 +54,8 @@ class NewtonIK:
         damping: float = 1e-9,
         task: TaskName | ArrayLike = "auto",
     ) -> None:
-        if iterations is not None and iterations < 1:
-            raise InputError(f"iterations = {iterations}", remedy="give a number >= 1, or None")
+        if iterations is not None and (not isinstance(iterations, int | np.integer) or iterations < 1):
+            raise InputError(f"iterations = {iterations}", remedy="give a whole number >= 1, or None")
         self.arm, self.iterations = arm, iterations
         self._law = _unit_law(arm, damping, task)
 
@@ -99,6 +101,8 @@ class ResolvedRateIK:
     ) -> None:
         if not (0.0 <= position_noise < np.inf and 0.0 <= angle_noise < np.inf):
             raise InputError(f"noise of {position_noise} m, {angle_noise} rad", remedy="give deviations >= 0")
+        if not isinstance(seed, int | np.integer) or seed < 0:
+            raise InputError(f"seed {seed!r}", remedy="give a whole number >= 0")
         self.arm, self.position_noise, self.angle_noise, self.seed = arm, position_noise, angle_noise, seed
         self._law = _unit_law(arm, damping, task)
 
@@ -127,6 +131,7 @@ class ClosedFormIK:
     Args:
         arm: Of the geometry that ``SphericalWristIK`` asks for.
         choice: ``nearest``: the answer whose greatest joint step is least; ``branch``: on the start's branch only.
+            A straight wrist or elbow is on either of two; which, rounding decides: start aside of it.
 
     Raises:
         InputError: Unknown choice.
@@ -159,7 +164,7 @@ def _unit_law(arm: Arm, damping: float, task: TaskName | ArrayLike) -> loops.Law
 
 
 def _first(arm: Arm, target: PoseTarget, start: ArrayLike) -> tuple[Array, Flags]:
-    first = np.array(start, dtype=np.float64)
+    first = floats(start, "start")
     if first.shape != (arm.dof,) or not np.isfinite(first).all():
         raise InputError(f"start of shape {first.shape} or not finite", remedy=f"give {arm.dof} joint positions")
     q = np.empty((len(target.time), arm.dof))
@@ -199,6 +204,7 @@ def _finished(arm: Arm, target: PoseTarget, q: Array, flags: Flags) -> IKRun:
             ultimate_position=np.inf,
             ultimate_approach=np.pi,
             ultimate_orientation=np.pi,
+            rounding=0.0,
         ),
     )
 

@@ -17,13 +17,14 @@ from typing import Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.errors import InputError
+from armtempo.errors import InputError, RobotError
 from armtempo.planners import _feedback_ik_kernels as loops
+from armtempo.planners._cartesian_path import floats
 from armtempo.planners._pose_target import PoseTarget
 from armtempo.planners._spherical_wrist_ik import SphericalWristIK
 from armtempo.robots import Arm
 
-__all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName"]
+__all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName", "ranges_near_zero"]
 
 Array = NDArray[np.float64]
 Integrator = Literal["euler", "heun", "rk4"]
@@ -41,7 +42,8 @@ class IKGains:
 
     def __post_init__(self) -> None:
         for name in ("position", "approach", "normal"):
-            if not 0.0 < getattr(self, name) < np.inf:
+            value = floats(getattr(self, name), f"gain {name}")
+            if value.shape or not 0.0 < value < np.inf:
                 raise InputError(f"gain {name} = {getattr(self, name)}", remedy="give a gain > 0")
 
 
@@ -62,9 +64,13 @@ class IKBounds:
     ultimate_position: float
     """[m] limit of the law's own error, after a long time and without an integrator: max |P_d'| / K_p, 0 if fed."""
     ultimate_approach: float
-    """[rad] asin(w/K_a) for a target that turns at w [rad/s]; pi for w > K_a, where lock is lost; 0 if fed."""
+    """[rad] asin(w/K_a) for a target that turns at w [rad/s]; pi for w > K_a, where lock is lost; 0 if fed.
+
+    With ``quaternion`` errors 2 asin(w/2K_a), and pi for w > 2K_a."""
     ultimate_orientation: float
     """[rad] likewise for the whole rotation."""
+    rounding: float
+    """[m] positions so far from the origin are no nearer than this to what they stand for; ``held`` allows for it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -90,10 +96,11 @@ class IKRun:
     @property
     def held(self) -> dict[str, bool]:
         """Did each bound hold, up to rounding."""
-        b = self.bounds
-        moved = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0) / (self.time[1] - self.time[0])
+        b, step = self.bounds, self.time[1] - self.time[0]
+        moved = np.abs(np.diff(self.q, axis=0)).max(axis=0, initial=0.0) / step
+        moved = moved - 4 * np.finfo(float).eps * np.abs(self.q).max(axis=0) / step
         return {
-            "position": bool((self.position_error <= b.position * (1 + 1e-9) + 1e-12).all()),
+            "position": bool((self.position_error <= b.position * (1 + 1e-9) + 1e-12 + b.rounding).all()),
             "approach": bool((self.approach_error <= b.approach * (1 + 1e-9) + 1e-12).all()),
             "orientation": bool((self.orientation_error <= b.orientation * (1 + 1e-9) + 1e-12).all()),
             "joint_speed": bool((np.maximum(moved, np.abs(self.qd).max(axis=0)) <= b.joint_speed * (1 + 1e-9)).all()),
@@ -101,7 +108,7 @@ class IKRun:
 
     @property
     def share(self) -> dict[str, float]:
-        """Fraction of the steps that were damped, capped in twist or joint speed, at a joint limit, in escape.
+        """Fraction of the samples where the law was damped, capped in twist or joint speed, at a limit, in escape.
 
         ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
         The classical solvers cap nothing: there ``speed`` and ``limit`` say that it went beyond, and ``unreached``
@@ -117,9 +124,10 @@ class FeedbackIK:
 
     *Damping.* Velocities are divided by the arm's ``length`` (its reach), so that singular values s have one unit.
     Directions with s above ``damping`` are inverted exactly, those below with 2 s / (damping^2 + s^2): hence
-    ``|q'| <= |x'| / damping`` for any twist x'. Directions that the feedback alone would overshoot within a step are
-    damped more (damping >= sqrt(2 dt |K e|)): no chatter at the edge of the workspace. An arm that is pulled straight
-    stops just short of it, so that it comes back with its elbow on the same side.
+    ``|q'| <= |x'| / damping`` for any twist x', and what spare joints are drawn with beside it.
+    Directions that the feedback alone would overshoot within a step are damped more (damping >= sqrt(2 dt |K e|)): no
+    chatter at the edge of the workspace. An arm that is pulled straight stops just short of it, so that it comes back
+    with its elbow on the same side.
     *Caps.* The twist's halves are shortened to ``linear_speed_max`` and ``angular_speed_max``, then all joint speeds in
     one ratio, to the arm's ``speed_max`` or the one given: never exceeded, in no stage of any integrator. Joints stop
     at their position limits, and the others make up for them as they can.
@@ -134,10 +142,10 @@ class FeedbackIK:
     The bounds of a run go from sample to sample, from the error at the start on: what the law leaves of the bound
     before, and what the step did beyond the law's feedback. That is the target's step less the tip's, with the tip's
     worked out from the joints' step, the Jacobian and the next derivatives of its place (two) and turning (one), and
-    the ones after these bounded over all postures. No pose of the tip enters after the start, so that poses are what
-    they can be checked with; the joints' steps do, so that they are true in all steps, damped or capped or not, but are
-    known after the run only. Between samples they add an eighth of the greatest accelerations; the target's is that of
-    ``PoseTarget``. Joint speeds: the caps, always.
+    the ones after these bounded over all postures. No pose of the tip enters after the start, except through the
+    feedback that the law asked for, so that poses are what they can be checked with; the joints' steps do, so that they
+    are true in all steps, damped or capped or not, but are known after the run only. Between samples they add an eighth
+    of the greatest accelerations; the target's is that of ``PoseTarget``. Joint speeds: the caps, always.
 
     Args:
         arm: Any serial arm.
@@ -155,12 +163,13 @@ class FeedbackIK:
         linear_speed_max: [m/s].
         angular_speed_max: [rad/s].
         joint_speed_max: (n,) [rad/s or m/s]; the arm's by default.
-        posture: (n,) [rad or m] that spare joints are drawn to; the middle of their ranges by default.
+        posture: (n,) [rad or m] that spare joints are drawn to; the middle of their ranges by default (without one,
+            what is nearest to zero).
         posture_gain: [1/s]; 0: none. It acts where the arm has more joints than the task has rows.
 
     Raises:
         InputError: A number that cannot be used; the message names it.
-        RobotError: ``wrist``, and the arm has no spherical one.
+        RobotError: ``wrist``, and the arm has no spherical one; a joint slides without limits behind one that turns.
     """
 
     def __init__(
@@ -194,14 +203,18 @@ class FeedbackIK:
         speed = self._joints(arm.speed_max if joint_speed_max is None else joint_speed_max, "joint_speed_max")
         if not (speed > 0.0).all():
             raise InputError("joint_speed_max is not > 0", remedy="give speeds > 0")
-        finite = np.isfinite(arm.position_min + arm.position_max)
-        middle = np.where(finite, 0.5 * (arm.position_min + np.where(finite, arm.position_max, 0.0)), 0.0)
+        low, high = arm.position_min, arm.position_max
+        finite = np.isfinite(low) & np.isfinite(high)
+        middle = np.clip(0.5 * (np.where(finite, low, 0.0) + np.where(finite, high, 0.0)), low, high)
         rest = self._joints(middle if posture is None else posture, "posture")
+        if not np.isfinite(rest).all():
+            raise InputError(f"posture {rest} is not finite", remedy="give finite joint positions")
         if point not in ("tip", "wrist"):
             raise InputError(f"point {point!r}", remedy="use 'tip' or 'wrist'")
         self._offset = SphericalWristIK(arm).wrist_in_tip if point == "wrist" else np.zeros(3)
-        model = arm.model._replace(tip_p=arm.model.tip_p + arm.model.tip_R @ self._offset)
-        self._model = model
+        tip = arm.model.tip_p + arm.model.tip_R @ self._offset
+        tip.setflags(write=False)  # as the arm's own: the loops are compiled once only
+        model = self._model = arm.model._replace(tip_p=tip)
         steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
         extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
         steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
@@ -209,13 +222,19 @@ class FeedbackIK:
         levers = np.where(model.prismatic, 1.0, beyond)
         turning = ~model.prismatic
         self.length = float(beyond[turning].max()) if turning.any() else 1.0
+        if not np.isfinite(self.length):
+            raise RobotError(
+                f"arm {arm.name!r} has no reach: a joint slides without limits behind one that turns",
+                remedy="give the sliding joint position limits",
+                element=arm.name,
+            )
         linear, angular = _reach_of(arm)
         self.task = _task(arm, task, linear, angular)
         spare = arm.dof > len(self.task)
         self._law = loops.Law(
-            self.gains.position,
-            self.gains.approach,
-            self.gains.normal,
+            float(self.gains.position),
+            float(self.gains.approach),
+            float(self.gains.normal),
             error == "quaternion",
             bool(feed_forward),
             self.task,
@@ -239,12 +258,27 @@ class FeedbackIK:
         other = copy(self)
         other.gains = gains
         other._law = self._law._replace(
-            position_gain=gains.position, approach_gain=gains.approach, normal_gain=gains.normal, damping=float(damping)
+            position_gain=float(gains.position),
+            approach_gain=float(gains.approach),
+            normal_gain=float(gains.normal),
+            damping=float(damping),
         )
         return other
 
+    def singular_value(self, q: ArrayLike) -> Array:
+        """Smallest singular value (...) at ``q`` (..., n) of what ``damping`` is compared with: the scaled Jacobian.
+
+        Its rows are the task's, of the point that is tracked; lengths are in units of the arm's.
+        """
+        J = self.arm.jacobian(q)
+        if self._offset.any():
+            lever = self.arm.tip_pose(q)[..., :3, :3] @ self._offset
+            J[..., :3, :] += np.cross(J[..., 3:, :], lever[..., None], axis=-2)
+        J[..., :3, :] /= self.length
+        return np.asarray(np.linalg.svd(self.task @ J, compute_uv=False)[..., -1], dtype=np.float64)
+
     def _joints(self, values: ArrayLike, what: str) -> Array:
-        array = np.array(values, dtype=np.float64)
+        array = floats(values, what)
         if array.shape != (self.arm.dof,) or np.isnan(array).any():
             raise InputError(f"{what} has shape {array.shape} or NaN", remedy=f"give ({self.arm.dof},) numbers")
         array.setflags(write=False)
@@ -256,7 +290,7 @@ class FeedbackIK:
         Raises:
             InputError: Unknown integrator; ``start`` has the wrong shape or breaks a position limit.
         """
-        return self.track_many([target], np.asarray(start, dtype=np.float64)[None], integrator=integrator)[0]
+        return self.track_many([target], floats(start, "start")[None], integrator=integrator)[0]
 
     def track_many(
         self, targets: Sequence[PoseTarget], starts: ArrayLike, *, integrator: Integrator = "rk4"
@@ -269,7 +303,7 @@ class FeedbackIK:
         if integrator not in INTEGRATORS:
             raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
         arm, law = self.arm, self._law
-        first = np.array(starts, dtype=np.float64)
+        first = floats(starts, "starts")
         if not targets or first.shape != (len(targets), arm.dof) or not np.isfinite(first).all():
             raise InputError(
                 f"{len(targets)} targets, starts of shape {first.shape} or not finite",
@@ -324,9 +358,15 @@ class FeedbackIK:
         if not self._offset.any():
             return target
         arm = target.rotation @ self._offset
-        velocity = target.velocity + np.cross(target.angular_velocity, arm)
-        change = 2.0 / target.step * np.linalg.norm(np.diff(velocity, axis=0), axis=1).max()
-        return replace(target, position=target.position + arm, velocity=velocity, acceleration=float(change))
+        turning = np.linalg.norm(target.angular_velocity, axis=1).max()
+        turning += 0.25 * target.step * target.angular_acceleration  # between the rows
+        return replace(
+            target,
+            position=target.position + arm,
+            velocity=target.velocity + np.cross(target.angular_velocity, arm),
+            acceleration=target.acceleration
+            + float(np.linalg.norm(self._offset) * (target.angular_acceleration + turning**2)),
+        )
 
     def joint_speeds(self, q: ArrayLike, target: PoseTarget, index: int) -> tuple[Array, int]:
         """The law once, at the posture q (n,): joint speeds (n,) for row ``index`` of the target, and its flags.
@@ -343,12 +383,13 @@ class FeedbackIK:
                 f"q = {q}, row {index} of a target of {len(target.position)}", remedy="give finite q, an existing row"
             )
         law = self._law._replace(feed_forward=False) if target.differentiated else self._law
-        row = slice(index, index + 1)
-        p, R, v, w = (a[row] for a in (target.position, target.rotation, target.velocity, target.angular_velocity))
+        # Copies, which are writable as a run's own arrays are: the law is compiled once only.
+        whole = (target.position, target.rotation, target.velocity, target.angular_velocity)
+        p, R, v, w = (a[index : index + 1].copy() for a in whole)
         if self._offset.any():
             p, v = p + R @ self._offset, v + np.cross(w, R @ self._offset)
         qd = np.empty(self.arm.dof)
-        flags = loops.law_at(self._model, law, q, loops.Targets(p, R, v, w, 2, target.step), 0, qd)
+        flags = loops.law_at(self._model, law, q.copy(), loops.Targets(p, R, v, w, 2, target.step), 0, qd)
         return qd, int(flags)
 
 
@@ -368,6 +409,7 @@ def _bounds(law: loops.Law, target: PoseTarget, bounds: Array) -> IKBounds:
         ultimate_position=v / law.position_gain,
         ultimate_approach=_ultimate(law, w, whole=False),
         ultimate_orientation=_ultimate(law, w, whole=True),
+        rounding=8 * float(np.finfo(float).eps * np.linalg.norm(target.position, axis=1).max()),
     )
 
 
@@ -383,9 +425,15 @@ def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
     return float(np.arcsin((w + cross) / size) - np.arctan2(cross, gain))
 
 
+def ranges_near_zero(arm: Arm, widest: ArrayLike) -> tuple[Array, Array]:
+    """Lowest and highest (n,) of each joint, at most ``widest`` from zero, or from the limit that is nearest to it."""
+    centre = np.clip(0.0, arm.position_min, arm.position_max)
+    return np.maximum(arm.position_min, centre - widest), np.minimum(arm.position_max, centre + widest)
+
+
 def _reach_of(arm: Arm) -> tuple[Array, Array]:
     """Orthonormal rows (r, 3) of the velocities, and of the angular ones, that the tip can have in some posture."""
-    low, high = np.maximum(arm.position_min, -3.0), np.minimum(arm.position_max, 3.0)
+    low, high = ranges_near_zero(arm, 3.0)
     J = arm.jacobian(np.random.default_rng(0).uniform(low, high, (20, arm.dof)))
     return _span(J[:, :3].transpose(1, 0, 2).reshape(3, -1)), _span(J[:, 3:].transpose(1, 0, 2).reshape(3, -1))
 
@@ -409,7 +457,7 @@ def _task(arm: Arm, task: TaskName | ArrayLike, linear: Array, angular: Array) -
             rows = np.zeros((len(linear) + len(angular), 6))
             rows[: len(linear), :3], rows[len(linear) :, 3:] = linear, angular
     else:
-        rows = np.array(task, dtype=np.float64, order="C")
+        rows = floats(task, "task")
         if rows.ndim != 2 or rows.shape[1] != 6 or not 1 <= len(rows) <= 6 or not np.isfinite(rows).all():
             raise InputError(f"task of shape {rows.shape}", remedy="give (m, 6) finite numbers, m = 1 to 6")
         mixed = rows[:, :3].any(axis=1) & rows[:, 3:].any(axis=1)

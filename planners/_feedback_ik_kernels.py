@@ -688,15 +688,27 @@ def _angle(a: Quaternion) -> float:
 
 @njit
 def _between(A: Floats, B: Floats) -> Quaternion:
-    """B A^T, a turn of less than a half."""
-    x = y = z = trace = 0.0
+    """B A^T, from its largest component: to rounding, half turns too."""
+    xx = xy = xz = yx = yy = yz = zx = zy = zz = 0.0
     for c in range(3):
-        x += 0.5 * (B[2, c] * A[1, c] - B[1, c] * A[2, c])
-        y += 0.5 * (B[0, c] * A[2, c] - B[2, c] * A[0, c])
-        z += 0.5 * (B[1, c] * A[0, c] - B[0, c] * A[1, c])
-        trace += A[0, c] * B[0, c] + A[1, c] * B[1, c] + A[2, c] * B[2, c]
-    w = 0.5 * math.sqrt(max(1.0 + trace, 1e-12))
-    return w, x / (2.0 * w), y / (2.0 * w), z / (2.0 * w)
+        xx, xy, xz = xx + B[0, c] * A[0, c], xy + B[0, c] * A[1, c], xz + B[0, c] * A[2, c]
+        yx, yy, yz = yx + B[1, c] * A[0, c], yy + B[1, c] * A[1, c], yz + B[1, c] * A[2, c]
+        zx, zy, zz = zx + B[2, c] * A[0, c], zy + B[2, c] * A[1, c], zz + B[2, c] * A[2, c]
+    if xx + yy + zz > 0.0:
+        size = math.sqrt(1.0 + xx + yy + zz)
+        s = 0.5 / size
+        return 0.5 * size, s * (zy - yz), s * (xz - zx), s * (yx - xy)
+    if xx >= yy and xx >= zz:
+        size = math.sqrt(1.0 + xx - yy - zz)
+        s = 0.5 / size
+        return s * (zy - yz), 0.5 * size, s * (xy + yx), s * (xz + zx)
+    if yy >= zz:
+        size = math.sqrt(1.0 - xx + yy - zz)
+        s = 0.5 / size
+        return s * (xz - zx), s * (xy + yx), 0.5 * size, s * (yz + zy)
+    size = math.sqrt(1.0 - xx - yy + zz)
+    s = 0.5 / size
+    return s * (yx - xy), s * (xz + zx), s * (yz + zy), 0.5 * size
 
 
 @njit
@@ -761,10 +773,13 @@ def _step_bounds(
     # The turn of an angular velocity that is not constant, against the turn of its mean.
     slack = spin / 6.0 + turn * (pairs + spin) / 8.0 + 0.5 * (0.25 * pairs + spin / 6.0) ** 2
 
-    off = 0.0
+    parted = off = 0.0
     for r in range(3):
-        off += (targets.position[then, r] - targets.position[here, r] - move[r] + h * feedback[r]) ** 2
-    new[0] = abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off) + rest
+        apart = targets.position[then, r] - targets.position[here, r] - move[r]
+        parted += apart * apart
+        off += (apart + h * feedback[r]) ** 2
+    # The second: where the gain is too high for the step, the caps hold the tip, and the first would grow for ever.
+    new[0] = min(abs(1.0 - law.position_gain * h) * old[0] + math.sqrt(off), old[0] + math.sqrt(parted)) + rest
     # Between the samples an error is off its chord by an eighth of its greatest second derivative: the tip's part.
     old[3] = max(old[0], new[0]) + 0.125 * (move[6] + bend)
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.configs import IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
+from armtempo.planners._cartesian_path import floats
 from armtempo.planners._feedback_ik import FeedbackIK, IKGains, IKRun
 from armtempo.planners._pose_matrix import pose_matrix, rpy_matrix
 from armtempo.planners._pose_motions import harmonic, through_poses
@@ -79,7 +80,7 @@ class IKCell:
         """The same arm and law with another target: ``motion`` over ``duration`` [s], from ``start`` (n,).
 
         Raises:
-            InputError: As ``of``, or as ``PoseTarget.sample``.
+            InputError: As ``of``, or as ``PoseTarget.sample``; the duration is not > 0.
         """
         return replace(
             self, start=_checked_start(self.arm, start), target=sample_periods(self.config, motion, duration)
@@ -126,10 +127,8 @@ class IKCell:
         return self.solver.track(self.target, self.start)
 
     def singular_value(self, q: ArrayLike) -> Array:
-        """Smallest singular value (...) of the task's Jacobian at ``q`` (..., n), lengths in units of the arm's."""
-        J = self.arm.jacobian(q).copy()
-        J[..., :3, :] /= self.solver.length
-        return np.asarray(np.linalg.svd(self.solver.task @ J, compute_uv=False)[..., -1], dtype=np.float64)
+        """Smallest singular value (...) of the task's Jacobian at ``q`` (..., n): the ``solver``'s."""
+        return self.solver.singular_value(q)
 
     def pose_error(self, q: ArrayLike, row: int) -> Array:
         """From the tip at ``q`` (n,) to the target at ``row`` (two a tick), world axes: (6,) [m], rotation vector."""
@@ -174,17 +173,19 @@ class IKCell:
 
 def sample_periods(config: IKCellConfig, motion: Motion, duration: float) -> PoseTarget:
     """A motion at the cell's ticks, over ``duration`` [s] rounded up to whole control periods."""
+    if not 0.0 < duration < np.inf:
+        raise InputError(f"duration {duration} s", remedy="give a finite duration > 0")
     period = config.control_period_s
     return PoseTarget.sample(motion, max(1, math.ceil(duration / period - 1e-6)) * period, config.physics_tick_s)
 
 
 def _checked_start(arm: Arm, start: ArrayLike) -> Array:
-    q = np.array(start, dtype=np.float64)
+    q = floats(start, "start_rad")
     if q.shape != (arm.dof,):
         raise InputError(
             f"start_rad has {q.size} values, and arm {arm.name!r} has {arm.dof} joints", remedy="give one per joint"
         )
-    out = np.flatnonzero((q < arm.position_min) | (q > arm.position_max))
+    out = np.flatnonzero(~((q >= arm.position_min) & (q <= arm.position_max) & np.isfinite(q)))
     if len(out):
         j = out[0]
         raise InputError(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.errors import PathError, UnknownNameError
+from armtempo.planners._feedback_ik import ranges_near_zero
 from armtempo.planners._ik_cell import IKCell
 from armtempo.planners._pose_motions import JointMotion, smooth_step
 from armtempo.robots import Clearance
@@ -20,7 +21,7 @@ DRAWS = 1000
 SAMPLES = 61  # of a motion; one of them is the middle posture
 STEP = 0.8  # [rad] a joint goes at most from posture to posture; sliding joints a share of their range
 SLIDE = 0.3
-WIDEST = np.pi  # joints that turn farther are drawn in this range about zero
+WIDEST = np.pi  # joints that turn farther are drawn in this range about zero, or from the limit nearest to it
 SHORTEST = 2.0  # [s]
 LOAD = 0.8  # largest share of a torque limit, and of an acceleration limit
 PACE = 0.5  # largest share of a joint's speed
@@ -54,12 +55,19 @@ def draw_target(cell: IKCell, family: str, random: np.random.Generator) -> IKCel
 
     Raises:
         UnknownNameError: No such family.
-        PathError: None of 1000 draws will do.
+        PathError: None of 1000 draws will do; nothing is known to be out of reach of the arm (no joint turns, or
+            slides before the first that does have no limits).
     """
     if family not in TARGET_FAMILIES:
         raise UnknownNameError("family of targets", str(family), TARGET_FAMILIES)
     if family == "given":
         return cell
+    if family == "partly-unreachable" and not np.isfinite(_slides(cell)):
+        raise PathError(
+            f"nothing is known to be out of reach of arm {cell.arm.name!r}: no joint turns, or one slides without end",
+            remedy="take another family, or give the sliding joints limits",
+            arm=cell.arm.name,
+        )
     clearance = Clearance([cell.arm], ())
     well = _well_conditioned(cell)
     for _ in range(DRAWS):
@@ -90,9 +98,9 @@ def draw_target(cell: IKCell, family: str, random: np.random.Generator) -> IKCel
 def _ranges(cell: IKCell) -> tuple[Array, Array, Array]:
     """Lowest, highest, and how far from posture to posture (n,)."""
     arm = cell.arm
-    low, high = np.maximum(arm.position_min, -WIDEST), np.minimum(arm.position_max, WIDEST)
     sliding = arm.model.prismatic
-    low, high = np.where(sliding, arm.position_min, low), np.where(sliding, arm.position_max, high)
+    bounded = np.isfinite(arm.position_min) & np.isfinite(arm.position_max)
+    low, high = ranges_near_zero(arm, np.where(sliding & bounded, np.inf, WIDEST))
     reserve = 0.05 * (high - low)
     return low + reserve, high - reserve, np.where(sliding, SLIDE * (high - low), STEP)
 
@@ -157,16 +165,24 @@ def _touches(clearance: Clearance, q: Array) -> bool:
     return clearance.self_pairs(0) > 0 and any(clearance.self_collision(0, row).distance <= 0.0 for row in q)
 
 
+def _slides(cell: IKCell) -> float:
+    """How far the joints before the first that turns can move it [m]; inf without one."""
+    arm = cell.arm
+    if arm.model.prismatic.all():
+        return np.inf
+    first = int(np.argmin(arm.model.prismatic))
+    return float((arm.position_max - arm.position_min)[:first].sum())
+
+
 def _excursion(cell: IKCell, motion: JointMotion, random: np.random.Generator) -> IKCell:
     """The motion, pulled away from the base for a while in its middle, to where the arm cannot be: out and back."""
     arm, length = cell.arm, cell.solver.length
-    first = int(np.argmin(arm.model.prismatic))  # the first joint that turns, and what the ones before it can move it
-    slides = float((arm.position_max - arm.position_min)[:first].sum())
+    first = int(np.argmin(arm.model.prismatic))  # that turns
     middle = motion(np.array([0.5 * motion.duration]))[0][0]
     base = arm.link_poses(motion.postures[0])[first, :3, 3]
     out = middle - base
     off = float(np.linalg.norm(out))
-    rise = (slides + length * (1.0 + random.uniform(*BEYOND)) - off) / off * out
+    rise = (_slides(cell) + length * (1.0 + random.uniform(*BEYOND)) - off) / off * out
     # Slow enough for the trip: the motion itself gets longer with it.
     trip = 15.0 / 8.0 * float(np.linalg.norm(rise)) / (TRIP_SPEED * length)
     duration = max(motion.duration, 4.0 * trip)

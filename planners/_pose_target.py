@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError
+from armtempo.planners._cartesian_path import floats
 
 __all__ = ["Motion", "PoseTarget"]
 
 Array = NDArray[np.float64]
 Motion = Callable[[Array], tuple[ArrayLike, ArrayLike, ArrayLike | None, ArrayLike | None]]
-"""Times (N,) [s] to positions (N, 3) [m], rotations (N, 3, 3), velocities and angular velocities (N, 3), or None."""
+"""Times (N,) [s] to positions (N, 3) [m], rotations (N, 3, 3), velocities and turnings (N, 3) [rad/s], or two None."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -54,17 +55,24 @@ class PoseTarget:
         acceleration: float | None = None,
         angular_acceleration: float | None = None,
     ) -> Self:
-        """Sample a function of time over [0, duration] (rounded to whole steps).
+        """Sample a function of time over [0, duration] (rounded to whole steps, one or more).
+
+        Without rates, differences of its values, the middles too, serve for bounds, and nothing is fed forward.
 
         Raises:
             InputError: Step or duration is not positive; the motion's values have wrong shapes, are not finite, or are
-                no rotations.
+                no rotations; one of its two rates is missing; an acceleration is negative or not finite.
         """
         if not (0.0 < step < np.inf and 0.5 * step <= duration < np.inf):
             raise InputError(f"duration {duration} s, step {step} s", remedy="give a step > 0 and a longer duration")
-        rows = 2 * round(duration / step) + 1
+        rows = 2 * max(1, round(duration / step)) + 1
         p, R, v, w = motion(np.asarray(0.5 * step * np.arange(rows), dtype=np.float64))
-        return cls._make(step, p, R, v, w, acceleration, angular_acceleration)
+        p, R = _checked_poses(p, R)
+        if len(p) != rows:
+            raise InputError(f"{rows} times give {len(p)} poses", remedy="give one for each")
+        given = _checked_rates(v, w, p)
+        rates = _differences(p, R, 0.5 * step) if given is None else given
+        return cls._make(step, p, R, *rates, given is None, acceleration, angular_acceleration)
 
     @classmethod
     def through(
@@ -85,22 +93,13 @@ class PoseTarget:
         Raises:
             InputError: As of ``sample``; fewer than two samples.
         """
-        p, R = np.asarray(position, dtype=np.float64), np.asarray(rotation, dtype=np.float64)
-        if not 0.0 < step < np.inf or p.ndim != 2 or len(p) < 2 or p.shape[1] != 3 or R.shape != (len(p), 3, 3):
-            raise InputError(
-                f"samples of shapes {p.shape} and {R.shape}, step {step} s",
-                remedy="give two or more positions (T, 3), as many rotations (T, 3, 3), and a step > 0",
-            )
-        _check_rotations(R)
+        p, R = _checked_poses(position, rotation)
+        if not 0.0 < step < np.inf:
+            raise InputError(f"step {step} s", remedy="give a step > 0")
+        given = _checked_rates(velocity, angular_velocity, p)
+        v, w = _differences(p, R, step) if given is None else given
         turn = Rotation.from_matrix(R)
         between = (turn[1:] * turn[:-1].inv()).as_rotvec()
-        if velocity is None or angular_velocity is None:
-            v = np.gradient(p, step, axis=0)
-            w = np.concatenate([between[:1], 0.5 * (between[1:] + between[:-1]), between[-1:]]) / step
-        else:
-            v, w = np.asarray(velocity, dtype=np.float64), np.asarray(angular_velocity, dtype=np.float64)
-            if v.shape != p.shape or w.shape != p.shape:
-                raise InputError(f"rates of shapes {v.shape} and {w.shape}", remedy=f"give {p.shape}")
         # The rotation vector from a sample on, as a cubic with the rates at both ends (its end rate by the inverse of
         # the left Jacobian, to second order in the angle: the rest is of the cubic's own order).
         start, end = w[:-1], w[1:] - 0.5 * np.cross(between, w[1:]) + np.cross(between, np.cross(between, w[1:])) / 12
@@ -113,50 +112,39 @@ class PoseTarget:
         V[1::2] = 1.5 * (p[1:] - p[:-1]) / step - 0.25 * (v[1:] + v[:-1])
         M[1::2] = (Rotation.from_rotvec(half) * turn[:-1]).as_matrix()
         W[1::2] = rate + 0.5 * np.cross(half, rate) + np.cross(half, np.cross(half, rate)) / 6
-        given = velocity is not None and angular_velocity is not None
-        made = cls._make(step, P, M, V, W, acceleration, angular_acceleration)
-        return made if given else made._without_rates()
+        return cls._make(step, P, M, V, W, given is None, acceleration, angular_acceleration)
 
     @classmethod
     def _make(
         cls,
         step: float,
-        position: ArrayLike,
-        rotation: ArrayLike,
-        velocity: ArrayLike | None,
-        angular_velocity: ArrayLike | None,
+        p: Array,
+        R: Array,
+        v: Array,
+        w: Array,
+        differentiated: bool,
         acceleration: float | None,
         angular_acceleration: float | None,
     ) -> Self:
-        p, R = np.array(position, dtype=np.float64, order="C"), np.array(rotation, dtype=np.float64, order="C")
-        if velocity is None or angular_velocity is None:
-            return cls.through(p[::2], R[::2], step, acceleration=acceleration)
-        v, w = (np.array(a, dtype=np.float64, order="C") for a in (velocity, angular_velocity))
-        if p.ndim != 2 or p.shape[1] != 3 or v.shape != p.shape or w.shape != p.shape or R.shape != (len(p), 3, 3):
-            raise InputError(
-                f"target of shapes {p.shape}, {R.shape}, {v.shape}, {w.shape}",
-                remedy="give (N, 3), (N, 3, 3), (N, 3), (N, 3)",
-            )
-        if not all(np.isfinite(a).all() for a in (p, R, v, w)):
-            raise InputError("the target is not finite", remedy="give finite numbers")
-        _check_rotations(R)
+        R = 1.5 * R - 0.5 * R @ R.transpose(0, 2, 1) @ R  # they may be off by 1e-9, which bounds would see
         for array in (p, R, v, w):
             array.setflags(write=False)
-        change, turning = (2.0 * np.linalg.norm(np.diff(a, axis=0), axis=1).max() / step for a in (v, w))
+        most = [
+            2.0 * float(np.linalg.norm(np.diff(rate, axis=0), axis=1).max()) / step if given is None else float(given)
+            for rate, given in ((v, acceleration), (w, angular_acceleration))
+        ]
+        if not all(0.0 <= value < np.inf for value in most):
+            raise InputError(f"accelerations {most[0]} m/s^2, {most[1]} rad/s^2", remedy="give finite numbers >= 0")
         return cls(
             step=float(step),
             position=p,
             rotation=R,
             velocity=v,
             angular_velocity=w,
-            differentiated=False,
-            acceleration=float(change) if acceleration is None else acceleration,
-            angular_acceleration=float(turning) if angular_acceleration is None else angular_acceleration,
+            differentiated=differentiated,
+            acceleration=most[0],
+            angular_acceleration=most[1],
         )
-
-    def _without_rates(self) -> Self:
-        object.__setattr__(self, "differentiated", True)
-        return self
 
     @property
     def time(self) -> Array:
@@ -164,7 +152,37 @@ class PoseTarget:
         return np.asarray(self.step * np.arange((len(self.position) + 1) // 2), dtype=np.float64)
 
 
-def _check_rotations(R: Array) -> None:
+def _checked_poses(position: ArrayLike, rotation: ArrayLike) -> tuple[Array, Array]:
+    """Copies."""
+    p, R = floats(position, "positions"), floats(rotation, "rotations")
+    if p.ndim != 2 or len(p) < 2 or p.shape[1] != 3 or R.shape != (len(p), 3, 3):
+        raise InputError(
+            f"target of shapes {p.shape} and {R.shape}",
+            remedy="give two or more positions (T, 3), and as many rotations (T, 3, 3)",
+        )
+    if not (np.isfinite(p).all() and np.isfinite(R).all()):
+        raise InputError("the target is not finite", remedy="give finite numbers")
     off = float(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max())
     if not off <= 1e-9 or not (np.linalg.det(R) > 0.0).all():
         raise InputError(f"the target's rotations are none (by {off:.3g})", remedy="give orthonormal right-handed R")
+    return np.ascontiguousarray(p), np.ascontiguousarray(R)
+
+
+def _checked_rates(velocity: ArrayLike | None, turning: ArrayLike | None, p: Array) -> tuple[Array, Array] | None:
+    """Copies, or None where there are none."""
+    if velocity is None and turning is None:
+        return None
+    if velocity is None or turning is None:
+        raise InputError("one of velocity and angular velocity is missing", remedy="give both, or neither")
+    v, w = floats(velocity, "velocities"), floats(turning, "angular velocities")
+    if v.shape != p.shape or w.shape != p.shape or not (np.isfinite(v).all() and np.isfinite(w).all()):
+        raise InputError(f"rates of shapes {v.shape} and {w.shape}, or not finite", remedy=f"give finite {p.shape}")
+    return np.ascontiguousarray(v), np.ascontiguousarray(w)
+
+
+def _differences(p: Array, R: Array, step: float) -> tuple[Array, Array]:
+    """Rates (T, 3) of poses ``step`` apart: central, one-sided at the ends."""
+    turn = Rotation.from_matrix(R)
+    between = (turn[1:] * turn[:-1].inv()).as_rotvec()
+    w = np.concatenate([between[:1], 0.5 * (between[1:] + between[:-1]), between[-1:]]) / step
+    return np.gradient(p, step, axis=0), w

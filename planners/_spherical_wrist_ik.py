@@ -72,8 +72,8 @@ class SphericalWristIK:
     def solve(self, T_world_tip: ArrayLike) -> Array:
         """Joint positions (..., 8, 6) [rad] for poses (..., 4, 4) of the tip; NaN in branches that do not reach.
 
-        FK of every answer is the pose to 1e-12. Where the wrist is straight (axes 4 and 6 in line) joint 4 is free:
-        it is put to zero.
+        FK of every answer is the pose to 1e-12 (1 + its distance from the origin). Where the wrist is straight (axes 4
+        and 6 in line) joint 4 is free: it is put to zero.
 
         Raises:
             InputError: Wrong shape, or not finite.
@@ -87,11 +87,12 @@ class SphericalWristIK:
         target = T[:, :3, 3] + T[:, :3, :3] @ self.wrist_in_tip
         R = T[:, :3, :3] @ self._tip[:3, :3].T  # from zero to the target
         z = self._z
+        rounding = 1e-14 * (1.0 + np.linalg.norm(target, axis=1))  # [m] out of reach by less is not
         with np.errstate(invalid="ignore"):
-            for a, waist in enumerate(self._waist(target)):
+            for a, waist in enumerate(self._waist(target, rounding)):
                 forward = _turn(z[0], -waist)
                 point = np.einsum("kij,kj->ki", forward, target - self._p[0]) + self._p[0] - self._p[1]
-                for b, (shoulder, elbow) in enumerate(self._two_links(point)):
+                for b, (shoulder, elbow) in enumerate(self._two_links(point, rounding)):
                     left = _turn(z[1], -(shoulder + elbow)) @ forward @ R
                     for c, wrist in enumerate(self._bends(left)):
                         out[:, a, b, c, 0], out[:, a, b, c, 1], out[:, a, b, c, 2] = waist, shoulder, elbow
@@ -118,12 +119,13 @@ class SphericalWristIK:
         """The same joint positions (..., 6), each turned by whole turns into its range; NaN rows where none is."""
         q = np.array(q, dtype=np.float64)
         low, high = self.arm.position_min, self.arm.position_max
-        middle = np.where(np.isfinite(low + high), 0.5 * (low + high), 0.0)
+        finite = np.isfinite(low) & np.isfinite(high)
+        middle = 0.5 * (np.where(finite, low, 0.0) + np.where(finite, high, 0.0))
         q = q - 2 * np.pi * np.round((q - middle) / (2 * np.pi))
         q[~((q >= low) & (q <= high)).all(axis=-1)] = np.nan
         return q
 
-    def _waist(self, target: Array) -> tuple[Array, Array]:
+    def _waist(self, target: Array, rounding: Array) -> tuple[Array, Array]:
         """Both angles at which the wrist centre is as far along the shoulder's axis as the links put it."""
         z, side = self._z[0], self._z[1]
         x = side - z * (z @ side)
@@ -131,17 +133,20 @@ class SphericalWristIK:
         # cos q (x . r) + sin q ((z x x) . r) = what is left of the distance
         u, v = r @ x, r @ np.cross(z, x)
         distance = side @ (self._wrist - self._p[0]) - (r @ z) * (z @ side)
-        root = np.sqrt(u * u + v * v - distance * distance)
+        away, least = np.hypot(u, v), np.abs(distance)
+        left = np.where(away >= least - rounding, np.maximum(away - least, 0.0), np.nan)
+        root = np.sqrt(left * (away + least))
         towards = np.arctan2(v, u)
         # In front is where the point lies along side x z, a quarter turn before the axis.
         return towards + np.arctan2(root, distance), towards - np.arctan2(root, distance)
 
-    def _two_links(self, point: Array) -> list[tuple[Array, Array]]:
+    def _two_links(self, point: Array, rounding: Array) -> list[tuple[Array, Array]]:
         """Shoulder and elbow angles (elbow positive, negative) for points from the shoulder."""
         axis, (upper, fore), (a, b) = self._z[1], self._plane, self._lengths
         flat = point - np.outer(point @ axis, axis)
-        cosine = (np.einsum("ki,ki->k", flat, flat) - a * a - b * b) / (2 * a * b)
-        cosine = np.where(np.abs(cosine) <= 1 + 1e-14, np.clip(cosine, -1.0, 1.0), np.nan)
+        away = np.linalg.norm(flat, axis=1)
+        cosine = np.clip((away * away - a * a - b * b) / (2 * a * b), -1.0, 1.0)
+        cosine[(away > a + b + rounding) | (away < abs(a - b) - rounding)] = np.nan
         answers = []
         for sign in (1.0, -1.0):
             elbow = sign * np.arccos(cosine) - self._elbow_zero

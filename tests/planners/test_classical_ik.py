@@ -110,6 +110,7 @@ def test_out_of_reach_newton_flies_off_and_damping_holds_it(puma: Arm, start: Fl
     assert damped.position_error[-1] < 1e-6
     assert np.isfinite(wild.q).all()
     assert NewtonIK(puma, iterations=None).track(target, start).share["unreached"] > 0.3
+    assert wild.share["unreached"] == 0.0  # with a count of steps the errors tell
     assert wild.bounds.ultimate_position == np.inf
 
 
@@ -130,6 +131,10 @@ def test_other_arms_and_what_cannot_be_used(puma: Arm) -> None:
     np.testing.assert_allclose(NewtonIK(scara, iterations=None).track(held, first).q[-1], first + 0.02, atol=1e-12)
     with pytest.raises(InputError, match="iterations"):
         NewtonIK(puma, iterations=0)
+    with pytest.raises(InputError, match="iterations"):
+        NewtonIK(puma, iterations=1.5)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="seed"):
+        ResolvedRateIK(puma, seed=-1)
     with pytest.raises(InputError, match="noise"):
         ResolvedRateIK(puma, position_noise=-1.0)
     with pytest.raises(InputError, match="choice"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from armtempo.configs import IKCellConfig, parse_cell_config
 from armtempo.errors import CollisionError, ConfigError, InfeasibleError, InputError, PathError, UnknownNameError
 from armtempo.planners import TARGET_FAMILIES, Cell, IKCell, SphericalWristIK, build_cell, draw_target, load_cell
 from armtempo.planners._pose_motions import JointMotion, smooth_step, through_poses
-from armtempo.robots import Clearance
+from armtempo.robots import Arm, Clearance
 
 Floats = NDArray[np.float64]
 FAMILIES = TARGET_FAMILIES[1:]
@@ -129,6 +130,28 @@ def test_given_is_the_cells_own_and_unknown_families_are_refused(chung: IKCell) 
     assert draw_target(chung, "given", np.random.default_rng(0)) is chung
     with pytest.raises(UnknownNameError, match=r"unknown family of targets 'singular' \(.*near-singular"):
         draw_target(chung, "singular", np.random.default_rng(0))
+
+
+def test_an_arm_that_only_slides_is_never_out_of_reach(chung: IKCell, tmp_path: Path) -> None:
+    file = tmp_path / "gantry.urdf"
+    file.write_text(
+        """<robot name="gantry"><link name="base"/><link name="cart"><inertial><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="x" type="prismatic">
+        <parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+        <limit lower="3.5" upper="4" effort="9" velocity="1"/></joint></robot>"""
+    )
+    arm = Arm.from_urdf(file)
+    with pytest.raises(PathError, match="nothing is known to be out of reach of arm 'gantry'"):
+        draw_target(replace(chung, arm=arm), "partly-unreachable", np.random.default_rng(0))
+
+
+def test_variants_of_a_cell_are_checked(chung: IKCell) -> None:
+    motion = JointMotion(chung.arm, np.stack([chung.start, chung.start]), 1.0)
+    with pytest.raises(InputError, match="nan of joint 'waist_joint'"):
+        chung.variant(motion, 1.0, chung.start * np.nan)
+    for duration in (-5.0, 0.0, np.nan):
+        with pytest.raises(InputError, match="duration"):
+            chung.variant(motion, duration, chung.start)
 
 
 def test_an_arm_too_weak_for_any_target_says_so(chung: IKCell, monkeypatch: pytest.MonkeyPatch) -> None:

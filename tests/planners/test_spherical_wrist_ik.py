@@ -8,6 +8,7 @@ import numpy as np
 import pybullet_data
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
@@ -52,14 +53,36 @@ def test_every_branch_has_the_pose(name: str) -> None:
         assert (ik.branch(answers[found, k]) == k).all()
 
 
-def test_straight_wrist_and_stretched_arm() -> None:
-    puma = arm("puma560_chung")
-    ik = SphericalWristIK(puma)
-    for q in ([0.3, 0.4, -0.5, 0.7, 0.0, 0.2], [0.3, 0.4, -np.pi / 2, 0.7, 0.5, 0.2]):
-        answers = ik.solve(puma.tip_pose(q))
+def over_the_shoulder(ik: SphericalWristIK, elbow: float) -> list[float]:
+    """A posture whose wrist centre is as near to the waist's axis as it can be: both waists in one."""
+
+    def forward(shoulder: float) -> float:
+        T = ik.arm.tip_pose([0.3, shoulder, elbow, 0.2, 0.7, 0.1])
+        x, y = (T[:3, 3] + T[:3, :3] @ ik.wrist_in_tip - ik.arm.link_poses(np.zeros(6))[0, :3, 3])[:2]
+        return float(x * np.cos(0.3) + y * np.sin(0.3))
+
+    grid = np.linspace(-3.0, 3.0, 61)
+    sign = np.sign([forward(x) for x in grid])
+    k = int(np.flatnonzero(sign[1:] != sign[:-1])[0])
+    return [0.3, float(brentq(forward, grid[k], grid[k + 1], xtol=1e-15)), elbow, 0.2, 0.7, 0.1]
+
+
+@pytest.mark.parametrize("base", [0.0, 30.0])
+def test_edges_of_the_workspace_are_reached(base: float) -> None:
+    """A straight wrist, stretched arms, the wrist over the shoulder."""
+    T = np.eye(4)
+    T[:3, 3] = base, 0.4 * base, 0.0
+    puma = Arm.from_urdf(data_path("robots/puma560_chung.urdf"), T_world_base=T)
+    other = Arm.from_urdf(data_path("robots/puma560.urdf"), T_world_base=T)
+    random = np.random.default_rng(4)
+    stretched = np.insert(random.uniform(-2.0, 2.0, (100, 5)), 2, -np.pi / 2, axis=1)
+    over = [over_the_shoulder(SphericalWristIK(other), elbow) for elbow in random.uniform(-2.5, 1.0, 10)]
+    for one, rows in ((puma, [[0.3, 0.4, -0.5, 0.7, 0.0, 0.2], *stretched]), (other, over)):
+        answers, poses = SphericalWristIK(one).solve(one.tip_pose(rows)), one.tip_pose(rows)
         there = finite(answers)
-        assert there.any()
-        assert np.abs(puma.tip_pose(answers[there]) - puma.tip_pose(q)).max() < 1e-11
+        assert there.any(axis=1).all()
+        error = one.tip_pose(np.where(there[..., None], answers, 0.0)) - poses[:, None]
+        assert np.abs(error[there]).max() < 1e-11 * (1.0 + base)
 
 
 def test_out_of_reach_is_nan_and_limits_are_asked_for() -> None:
