@@ -137,8 +137,6 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         cell = draw_target(self.cell, given.get("family", self.family), self.np_random)
         self.simulation.reset(cell)
         self._limit = np.inf if self._max_episode is None else self._max_episode
-        self._squares = np.zeros(2)
-        self._steps = 0
         self._running = True
         if self.render_mode == "human":
             self.render()
@@ -167,9 +165,6 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "effort": EFFORT * deviation_reward(simulation.effort, elapsed, duration),
             "caps": deviation_reward(simulation.cut, elapsed, duration),
         }
-        errors = np.array([simulation.position_error, simulation.orientation_error])
-        self._squares += errors**2
-        self._steps += 1
         terminated = simulation.done
         truncated = not terminated and simulation.time >= self._limit - 1e-9
         singular_value = simulation.singular_value
@@ -183,10 +178,11 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "reward_terms": terms,
         }
         if terminated or truncated:
-            position, orientation = np.sqrt(self._squares / self._steps).tolist()
+            position, orientation = np.sqrt(simulation.squares / simulation.tick).tolist()
             info["position_error_rms_mm"], info["orientation_error_rms_rad"] = 1e3 * position, orientation
             config = cell.config
-            info["is_success"] = position < config.error_scale_m and orientation < config.error_scale_rad
+            close = position < config.error_scale_m and orientation < config.error_scale_rad
+            info["is_success"] = terminated and close
             self._running = False
         if self.render_mode == "human":
             self.render()

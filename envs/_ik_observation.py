@@ -11,6 +11,7 @@ from armtempo.envs._observation import Entry
 
 AHEAD = (1, 10)
 """Control periods from now at which the target is seen."""
+LAG = 1e-3  # [rad, m] of a joint: bodies 30 % heavier than believed bring a few of these
 FAR = 10.0  # error scales of the cell: unit of what is ahead
 
 _XYZ = ("x", "y", "z")
@@ -27,8 +28,8 @@ def ik_entries(joints: int) -> tuple[Entry, ...]:
 
     entries = [
         *every("joint", "joint position, lowest -1, highest 1; an angle without limits in half turns"),
-        *every("joint_speed", "speed of its reference as a share of its cap"),
-        *every("joint_lag", "x / (1 + |x|), x: how far it is behind its reference in error scales"),
+        *every("joint_speed", "its speed as a share of its cap"),
+        *every("joint_lag", "x / (1 + |x|), x: how far it is behind its reference [mrad, mm]"),
         *each("position_error", "x / (1 + |x|), x: from the tip to the target in error scales"),
         *each("rotation_error", "the same of the rotation vector"),
         *each("target_velocity", "x / (1 + |x|), x: velocity of the target in lengths of the arm per second"),
@@ -62,11 +63,10 @@ def observe_ik(simulation: IKSimulation) -> NDArray[np.float32]:
     low, high = np.where(limited, arm.position_min, -np.pi), np.where(limited, arm.position_max, np.pi)
     shown = np.where(limited, q, (q + np.pi) % (2.0 * np.pi) - np.pi)
     half = 0.5 * (high - low)
-    scales = np.where(arm.model.prismatic, config.error_scale_m, config.error_scale_rad)
     parts = [
         (shown - low) / half - 1.0,
-        simulation.joint_speeds / arm.speed_max,
-        _soft((simulation.reference - q) / scales),
+        simulation.measured_speeds / arm.speed_max,
+        _soft((simulation.reference - q) / LAG),
         _soft(simulation.error[:3] / config.error_scale_m),
         _soft(simulation.error[3:] / config.error_scale_rad),
         _soft(target.velocity[row] / cell.solver.length),
