@@ -38,15 +38,18 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
       state, the reference: 4^a times the cell's; 0 leaves it as it is.
 
     What would break a cap of speed or acceleration, or leave a joint no room to brake before its position limit, is cut
-    to the nearest that does not. The arm follows the reference by computed torques, clipped at their limits.
+    to the nearest that does not. If torques cannot follow that, or there would be no way to stop after it, the period is
+    drawn towards braking, all joints in one ratio, until they can and there is. So torques stay within 0.99 of their
+    limits with ``model_error`` 0, whatever the actions, and the arm is where its reference is; postures that take more
+    than 0.95 to hold are not entered. Computed torques that are clipped nevertheless, as with heavier bodies, make the
+    reference start over from the arm and brake for the rest of the period.
 
     **Observation**, Box, float32. For 6 joints (46,); with n joints ``3 n + 28``:
 
     {table}
 
-    *What an agent knows.* With ``model_error`` 0 and torques within their limits, joint positions and the reference's
-    speeds and lags are the arm's whole state (its own speeds are those of the reference). Of the target it sees pose
-    and velocity now, and poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that;
+    *What an agent knows.* With ``model_error`` 0 joint positions and speeds, the arm's own, are its whole state (the
+    reference's are the same), but for how hard it planned to brake. Of the target it sees pose and velocity now, and poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that;
     with drawn families it is hidden, and an episode is Markov only up to what comes later than these. Errors beyond
     some ten scales are all but alike.
 
@@ -61,8 +64,8 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
 
     **Start**: at rest in the cell's posture. With a ``family`` other than ``given`` every reset draws start and target.
 
-    **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success`` then: over the episode the
-    rms errors were below the cell's scales.
+    **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success``: it lasted to the target's
+    end, and the rms errors over all ticks were below the cell's scales.
 
     **Reset options**, for this episode: ``family``.
 
@@ -128,7 +131,7 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             options: For this episode: ``family``.
 
         Raises:
-            UnknownNameError: No such family.
+            UnknownNameError: No such option, or family.
             PathError: No target of the family suits the arm.
             InputError: ``options`` is no mapping, or the environment is closed.
         """

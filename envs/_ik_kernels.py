@@ -113,9 +113,7 @@ def brake(
             here, before, still, period, late, speed_max, acceleration, position_min, position_max, speeds[k]
         )
         first = before if late < 1.0 else speeds[k]
-        ramp(
-            here, first, speeds[k], period / ticks, position_min, position_max, joints[k * ticks : (k + 1) * ticks]
-        )
+        ramp(here, first, speeds[k], period / ticks, position_min, position_max, joints[k * ticks : (k + 1) * ticks])
 
 
 @njit

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._ik_kernels import pose_errors
 from armtempo.envs._ik_simulation import IKSimulation
 from armtempo.envs._observation import Entry
 
@@ -72,12 +71,8 @@ def observe_ik(simulation: IKSimulation) -> NDArray[np.float32]:
         _soft(target.velocity[row] / cell.solver.length),
         _soft(target.angular_velocity[row]),
     ]
-    ahead = np.minimum(row + 2 * cell.ticks_per_period * np.array(AHEAD), len(target.position) - 1)
-    off = np.empty((len(AHEAD), 6))
-    pose_errors(
-        arm.model, np.repeat(q[None], len(AHEAD), axis=0), target.position[ahead], target.rotation[ahead], 1,
-        np.empty((len(AHEAD), 3)), off,
-    )  # fmt: skip
+    ahead = [min(row + 2 * cell.ticks_per_period * k, 2 * cell.ticks) for k in AHEAD]
+    off = simulation.pose_errors(q, ahead)
     units = FAR * np.repeat([config.error_scale_m, config.error_scale_rad], 3)
     parts.append(_soft(off / units).ravel())
     value = simulation.singular_value

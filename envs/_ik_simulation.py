@@ -188,6 +188,15 @@ class IKSimulation:
         """(n,) joint speeds now, the arm's own [rad/s, m/s]."""
         return np.array(self._arm.qd[0])
 
+    def pose_errors(self, q: Array, rows: list[int]) -> Array:
+        """From the tip at ``q`` (n,) to the target at each of its ``rows`` (two a tick): (K, 6), as ``error``."""
+        target, errors = self.cell.target, np.empty((len(rows), 6))
+        pose_errors(
+            self._arm.model, np.repeat(q[None], len(rows), axis=0), target.position[rows], target.rotation[rows], 1,
+            np.empty((len(rows), 3)), errors,
+        )  # fmt: skip
+        return errors
+
     def step(self, action: Array) -> None:
         """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
         ticks = self.cell.ticks_per_period
@@ -222,7 +231,10 @@ class IKSimulation:
     def _start_over(self) -> None:
         """The reference goes on from where the arm is, and as fast."""
         arm, held = self.cell.arm, self._arm
-        q, v = np.clip(held.q[0], arm.position_min, arm.position_max), np.clip(held.qd[0], -arm.speed_max, arm.speed_max)
+        q, v = (
+            np.clip(held.q[0], arm.position_min, arm.position_max),
+            np.clip(held.qd[0], -arm.speed_max, arm.speed_max),
+        )
         held.reference[:] = q - self.cell.physics_tick * np.array([[2.0], [1.0], [0.0]]) * v
         self.joint_speeds = v
         hardness = hardest_stop(
