@@ -38,20 +38,21 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
       state, the reference: 4^a times the cell's; 0 leaves it as it is.
 
     What would break a cap of speed or acceleration, or leave a joint no room to brake before its position limit, is cut
-    to the nearest that does not. If torques cannot follow that, or there would be no way to stop after it, the period is
-    drawn towards braking, all joints in one ratio, until they can and there is. So torques stay within 0.99 of their
+    to the nearest that does not. If torques cannot follow that, or if there would be no way to stop after it, the
+    period is drawn towards braking, all joints in one ratio, until they can and there is. So torques stay within their
     limits with ``model_error`` 0, whatever the actions, and the arm is where its reference is; postures that take more
-    than 0.95 to hold are not entered. Computed torques that are clipped nevertheless, as with heavier bodies, make the
-    reference start over from the arm and brake for the rest of the period.
+    than 0.95 of a limit to hold are not entered. If torques are clipped nevertheless, as with heavier bodies, the
+    reference starts over from the arm and brakes for the rest of the period.
 
     **Observation**, Box, float32. For 6 joints (46,); with n joints ``3 n + 28``:
 
     {table}
 
     *What an agent knows.* With ``model_error`` 0 joint positions and speeds, the arm's own, are its whole state (the
-    reference's are the same), but for how hard it planned to brake. Of the target it sees pose and velocity now, and poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that;
-    with drawn families it is hidden, and an episode is Markov only up to what comes later than these. Errors beyond
-    some ten scales are all but alike.
+    reference's are the same), but for how hard it planned to brake. Of the target it sees pose and velocity now, and
+    poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that; with drawn families it
+    is hidden, and an episode is Markov only up to what comes later than these. Errors beyond some ten scales are all
+    but alike.
 
     **Reward**, the sum of four terms, each an integral over the time of the step in units of the target's duration, so
     that an episode's is the mean over time:

@@ -44,7 +44,7 @@ def can_stop(
             return False
         lasts = max(lasts, abs(v[j]) / (hardness * acceleration[j]))
     every = max(period, 1e-2) / hardness
-    looks = int(math.ceil(lasts / every - 1e-9)) + 1
+    looks = math.ceil(lasts / every - 1e-9) + 1
     for k in range(looks + n):  # on the way, and where a joint stops and the others go on
         time = k * every if k < looks else abs(v[k - looks]) / (hardness * acceleration[k - looks])
         for j in range(n):
