@@ -19,17 +19,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IKPolicyResult:
-    """What a policy did; worst cases over all episodes, rms over all their ticks.
+    """What a policy did; worst cases over all episodes, rms over all their ticks and the start.
 
     Attributes:
         position_error_rms_m: Distance of the tip from its target [m]; max and final (at the target's end) likewise.
         orientation_error_rms_rad: Angle of the rotation that is left [rad]; likewise.
-        joint_speed_ratio_max: Largest |speed of a joint's reference| / cap.
+        joint_speed_ratio_max: Largest |speed of a joint, from tick to tick| / cap.
         torque_ratio_max: Largest |applied torque| / limit.
         torque_demand_ratio_max: Largest |demanded torque| / limit, before clipping.
         damped_fraction: Share of the ticks nearer to singular than where the cell's law is damped.
         capped_fraction: Share of the ticks in which a cap or limit cut what was asked for.
-        succeeded: Episodes whose rms errors were below the cell's scales.
+        succeeded: Episodes with rms errors below the cell's scales.
         reward: Mean reward.
     """
 

@@ -94,7 +94,7 @@ class NewtonPolicy:
         cell, row = simulation.cell, _end_of_period(env)
         arm, length, task = cell.arm, cell.solver.length, cell.solver.task
         q = simulation.joint_positions()[0] + 0.5 * cell.control_period * simulation.joint_speeds
-        J, error = arm.jacobian(q).copy(), cell.pose_error(q, row)
+        J, error = arm.jacobian(q).copy(), simulation.pose_errors(q, [row])[0]
         J[:3] /= length
         error[:3] /= length
         step: Array = np.linalg.lstsq(task @ J, task @ error, rcond=None)[0].astype(np.float64)

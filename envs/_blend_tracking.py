@@ -132,7 +132,7 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
             options: For this episode: ``family``, ``curve``, ``shape_factor``, ``remaining_distance_m``.
 
         Raises:
-            UnknownNameError: No such family.
+            UnknownNameError: No such option, or family.
             ConfigError: An option that a cell file could not have.
             PathError: The corners cannot be blended so, or no path of the family can be followed.
             InputError: ``options`` is no mapping, or the environment is closed.

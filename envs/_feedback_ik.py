@@ -38,17 +38,21 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
       state, the reference: 4^a times the cell's; 0 leaves it as it is.
 
     What would break a cap of speed or acceleration, or leave a joint no room to brake before its position limit, is cut
-    to the nearest that does not. The arm follows the reference by computed torques, clipped at their limits.
+    to the nearest that does not. If torques cannot follow that, or if there would be no way to stop after it, the
+    period is drawn towards braking, all joints in one ratio, until they can and there is. So torques stay within their
+    limits with ``model_error`` 0, whatever the actions, and the arm is where its reference is; postures that take more
+    than 0.95 of a limit to hold are not entered. If torques are clipped nevertheless, as with heavier bodies, the
+    reference starts over from the arm and brakes for the rest of the period.
 
     **Observation**, Box, float32. For 6 joints (46,); with n joints ``3 n + 28``:
 
     {table}
 
-    *What an agent knows.* With ``model_error`` 0 and torques within their limits, joint positions and the reference's
-    speeds and lags are the arm's whole state (its own speeds are those of the reference). Of the target it sees pose
-    and velocity now, and poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that;
-    with drawn families it is hidden, and an episode is Markov only up to what comes later than these. Errors beyond
-    some ten scales are all but alike.
+    *What an agent knows.* With ``model_error`` 0 joint positions and speeds, the arm's own, are its whole state (the
+    reference's are the same), but for how hard it planned to brake. Of the target it sees pose and velocity now, and
+    poses 1 and 10 periods ahead, not the rest of the way: with ``given``, progress tells that; with drawn families it
+    is hidden, and an episode is Markov only up to what comes later than these. Errors beyond some ten scales are all
+    but alike.
 
     **Reward**, the sum of four terms, each an integral over the time of the step in units of the target's duration, so
     that an episode's is the mean over time:
@@ -61,8 +65,8 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
 
     **Start**: at rest in the cell's posture. With a ``family`` other than ``given`` every reset draws start and target.
 
-    **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success`` then: over the episode the
-    rms errors were below the cell's scales.
+    **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success``: it lasted to the target's
+    end, and the rms errors over all ticks were below the cell's scales.
 
     **Reset options**, for this episode: ``family``.
 
@@ -128,7 +132,7 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             options: For this episode: ``family``.
 
         Raises:
-            UnknownNameError: No such family.
+            UnknownNameError: No such option, or family.
             PathError: No target of the family suits the arm.
             InputError: ``options`` is no mapping, or the environment is closed.
         """
@@ -137,8 +141,6 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         cell = draw_target(self.cell, given.get("family", self.family), self.np_random)
         self.simulation.reset(cell)
         self._limit = np.inf if self._max_episode is None else self._max_episode
-        self._squares = np.zeros(2)
-        self._steps = 0
         self._running = True
         if self.render_mode == "human":
             self.render()
@@ -167,9 +169,6 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "effort": EFFORT * deviation_reward(simulation.effort, elapsed, duration),
             "caps": deviation_reward(simulation.cut, elapsed, duration),
         }
-        errors = np.array([simulation.position_error, simulation.orientation_error])
-        self._squares += errors**2
-        self._steps += 1
         terminated = simulation.done
         truncated = not terminated and simulation.time >= self._limit - 1e-9
         singular_value = simulation.singular_value
@@ -183,10 +182,11 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "reward_terms": terms,
         }
         if terminated or truncated:
-            position, orientation = np.sqrt(self._squares / self._steps).tolist()
+            position, orientation = np.sqrt(simulation.squares / simulation.tick).tolist()
             info["position_error_rms_mm"], info["orientation_error_rms_rad"] = 1e3 * position, orientation
             config = cell.config
-            info["is_success"] = position < config.error_scale_m and orientation < config.error_scale_rad
+            close = position < config.error_scale_m and orientation < config.error_scale_rad
+            info["is_success"] = terminated and close
             self._running = False
         if self.render_mode == "human":
             self.render()

@@ -1,4 +1,4 @@
-"""Compiled: joint speeds within all limits of a joint, and how far a tip is from a pose."""
+"""Compiled: joint speeds within all limits of a joint, the law tick by tick, and how far a tip is from a pose."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.planners import IKLaw, IKTargets, law_at
 from armtempo.robots import ArmModel, kernels, njit
 
 Array = NDArray[np.float64]
@@ -24,14 +25,13 @@ def allowed_speeds(
     position_min: Array,
     position_max: Array,
     allowed: Array,
-) -> float:
-    """The speeds nearest to ``asked`` that a period may end with; what was cut: shares of the caps, mean of the joints.
+) -> None:
+    """Write ``allowed``: the speeds nearest to ``asked`` that a period may end with.
 
     From the positions ``q`` and speeds ``v``, all (n,). The period covers ``period ((1 - late) v + late allowed)``:
     late is 1/2 for a ramp and 1 for a step. After it every joint can still stop short of its limits: braking from u
     takes u^2 / 2a and at most u period / 2 more, as speeds change from period to period.
     """
-    cut = 0.0
     for j in range(q.shape[0]):
         most = speed_max[j]
         speed = min(max(asked[j], -most), most)
@@ -47,10 +47,7 @@ def allowed_speeds(
             if side * speed > fastest:
                 speed = side * fastest
         change = acceleration_max[j] * period
-        speed = min(max(speed, v[j] - change), v[j] + change)
-        cut += min(abs(asked[j] - speed) / most, 1.0)
-        allowed[j] = speed
-    return float(cut / q.shape[0])
+        allowed[j] = min(max(speed, v[j] - change), v[j] + change)
 
 
 @njit
@@ -62,6 +59,61 @@ def ramp(q: Array, v: Array, end: Array, tick: float, position_min: Array, posit
             mean = v[j] + (end[j] - v[j]) * (k + 0.5) / ticks
             at = (joints[k - 1, j] if k else q[j]) + tick * mean
             joints[k, j] = min(max(at, position_min[j]), position_max[j])  # the last bit
+
+
+@njit
+def run_law(
+    model: ArmModel,
+    law: IKLaw,
+    targets: IKTargets,
+    row: int,
+    q: Array,
+    v: Array,
+    acceleration_max: Array,
+    joints: Array,
+    asked: Array,
+    speeds: Array,
+) -> None:
+    """Ticks of the law from the row ``row`` of its targets on, on its own state: ``q``, ``v`` (n,) before.
+
+    All (K, n): positions ``joints`` after each tick, speeds ``asked`` for and ``speeds`` that limits allow.
+    """
+    for k in range(joints.shape[0]):
+        here, before = (joints[k - 1], speeds[k - 1]) if k else (q, v)
+        law_at(model, law, here, targets, row + targets.stride * k, asked[k])
+        allowed_speeds(
+            here, before, asked[k], targets.step, 1.0, law.speed_max, acceleration_max, law.position_min,
+            law.position_max, speeds[k],
+        )  # fmt: skip
+        ramp(here, speeds[k], speeds[k], targets.step, law.position_min, law.position_max, joints[k : k + 1])
+
+
+@njit
+def brake(
+    q: Array,
+    v: Array,
+    period: float,
+    late: float,
+    acceleration: Array,
+    speed_max: Array,
+    position_min: Array,
+    position_max: Array,
+    joints: Array,
+    speeds: Array,
+) -> None:
+    """Periods in which all joints brake at ``acceleration`` (n,), from ``q``, ``v`` (n,), as ``allowed_speeds`` has it.
+
+    ``speeds`` (L, n): at the ends of L periods; ``joints`` (K, n): positions at their K / L ticks.
+    """
+    still = np.zeros(q.shape[0])
+    ticks = joints.shape[0] // speeds.shape[0]
+    for k in range(speeds.shape[0]):
+        here, before = (joints[k * ticks - 1], speeds[k - 1]) if k else (q, v)
+        allowed_speeds(
+            here, before, still, period, late, speed_max, acceleration, position_min, position_max, speeds[k]
+        )
+        first = before if late < 1.0 else speeds[k]
+        ramp(here, first, speeds[k], period / ticks, position_min, position_max, joints[k * ticks : (k + 1) * ticks])
 
 
 @njit

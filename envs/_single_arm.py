@@ -61,6 +61,7 @@ class SingleArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]], Gene
         given = {} if options is None else options
         if not isinstance(given, Mapping):
             raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
+        check_names(*(("reset option", name, known) for name in given))
         return given
 
     def _check_running(self) -> None:

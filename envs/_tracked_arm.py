@@ -96,13 +96,23 @@ class TrackedArm:
         self.scene.push(self.torque)
         self.scene.read(self.q, self.qd)
 
+    @property
+    def clipped(self) -> bool:
+        """Whether torques were, in the last tick."""
+        return bool((self.demand != self.torque).any())
+
     def follow(self, joints: Array) -> Array:
-        """Ticks towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n)."""
+        """Ticks towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n).
+
+        In ``bullet`` they end with the first in which torques were clipped: then there are fewer rows.
+        """
         rows = np.empty((len(joints), 3, joints.shape[1]))
         if self.scene is not None:
-            for row, wanted in zip(rows, joints, strict=True):
+            for k, wanted in enumerate(joints):
                 self.advance(wanted)
-                row[0], row[1], row[2] = self.q[0], self.torque[0], self.demand[0]
+                rows[k, 0], rows[k, 1], rows[k, 2] = self.q[0], self.torque[0], self.demand[0]
+                if self.clipped:
+                    return rows[: k + 1]
             return rows
         stay_on_reference(
             self.model, joints, self.reference, self.coulomb, self.torque_max, CONTROLLER_GAIN / self.tick, self.tick,

@@ -27,6 +27,9 @@ from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
 from armtempo.planners._execution import Execution, ScheduleExecution
 from armtempo.planners._feed_override import FeedOverride
 from armtempo.planners._feedback_ik import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
+from armtempo.planners._feedback_ik_kernels import Law as IKLaw
+from armtempo.planners._feedback_ik_kernels import Targets as IKTargets
+from armtempo.planners._feedback_ik_kernels import law_at
 from armtempo.planners._ik_cell import IKCell
 from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
 from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
@@ -90,7 +93,9 @@ __all__ = [
     "FeedbackIK",
     "IKBounds",
     "IKGains",
+    "IKLaw",
     "IKRun",
+    "IKTargets",
     "GeneratedCell",
     "Instance",
     "Integrator",
@@ -153,6 +158,7 @@ __all__ = [
     "draw_path",
     "execution_of",
     "generate_cell",
+    "law_at",
     "label_cell",
     "least_time_blend",
     "limit_aware_profile",

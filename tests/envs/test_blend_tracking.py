@@ -210,8 +210,10 @@ def test_reset_options_change_the_corners_for_one_episode(lee2006: BlendCell) ->
     env = BlendTrackingEnv(lee2006, physics="ideal")
     given = env.reset(seed=0)[1]["length_m"]
     assert given == lee2006.blended.length
-    options = {"remaining_distance_m": 0.05, "shape_factor": 2.0, "curve": "cubic", "whatever": 1}
+    options = {"remaining_distance_m": 0.05, "shape_factor": 2.0, "curve": "cubic"}
     assert env.reset(options=options)[1]["length_m"] > given  # smaller blends cut less off
+    with pytest.raises(UnknownNameError, match="unknown reset option 'whatever'"):
+        env.reset(options={"whatever": 1})
     blend = env.simulation.cell.config.blend
     assert (blend.remaining_distance_m, blend.shape_factor) == (0.05, 2.0)
     assert env.reset(options={"family": "polyline"})[1]["length_m"] != given

@@ -114,8 +114,7 @@ def test_no_actions_break_a_cap_or_a_limit(seed: int, unlimited: bool) -> None:
         q, v, after = np.zeros(n), np.zeros(n), np.empty(n)
         for k in range(400):
             asked = random.uniform(-1.5, 1.5, n) * speed if k % 100 < 50 else np.full(n, random.choice([-2, 2])) * speed
-            cut = allowed_speeds(q, v, asked, period, late, speed, acceleration, low, high, after)
-            assert 0.0 <= cut <= 1.0
+            allowed_speeds(q, v, asked, period, late, speed, acceleration, low, high, after)
             assert (np.abs(after) <= speed * (1 + 1e-12)).all()
             assert (np.abs(after - v) <= acceleration * period * (1 + 1e-12)).all()
             q = q + period * ((1.0 - late) * v + late * after)
@@ -136,6 +135,68 @@ def test_a_joint_stops_at_its_limit_in_the_simulation(chung: IKCell) -> None:
     assert trace.q[:, 5].min() > low - 1e-4
     assert info["truncated"]
     assert not info["is_success"]
+
+
+def held_signs(random: np.random.Generator, joints: int, periods: int) -> list[NDArray[np.float32]]:
+    """Full speeds, whose signs change every so many periods."""
+    return [a for signs in random.choice([-1.0, 1.0], (12, joints)) for a in [signs.astype(np.float32)] * periods]
+
+
+@pytest.mark.parametrize("name", ["panda-poses", "chung"])
+@pytest.mark.parametrize("periods", [1, 30])
+def test_whatever_the_actions_the_arm_keeps_to_its_reference(name: str, periods: int) -> None:
+    """The Panda's accelerations together take 4 times its torques, and at full speeds its wrist cannot even coast."""
+    env = FeedbackIKEnv(name, max_episode_s=3.5 if periods > 1 else 0.5, record=True)
+    joints = env.cell.arm.dof
+    run(env, *held_signs(np.random.default_rng(0), joints, periods), *[np.ones(joints, np.float32)] * 40, seed=0)
+    trace, arm = env.trace, env.cell.arm
+    env.close()
+    assert (np.abs(trace.demand) <= trace.torque_max).all()
+    assert (np.abs(trace.joint_speed) <= 1.01 * arm.speed_max).all()
+    assert (trace.q >= arm.position_min - 1e-5).all()
+    assert (trace.q <= arm.position_max + 1e-5).all()
+    np.testing.assert_allclose(trace.q, trace.reference, atol=1e-5)
+    if periods > 1:
+        assert (np.abs(trace.joint_speed) / arm.speed_max).max() > 0.9  # and it is not for want of moving
+
+
+def test_heavier_bodies_are_not_lost() -> None:
+    """Torques planned to the limit are clipped then; the reference starts over from the arm."""
+    env = FeedbackIKEnv("panda-poses", model_error=0.2, max_episode_s=3.0, record=True)
+    run(env, *held_signs(np.random.default_rng(0), 7, 30), seed=0)
+    trace, arm = env.trace, env.cell.arm
+    env.close()
+    assert (np.abs(trace.demand) > trace.torque_max).any()
+    assert (np.abs(trace.joint_speed) <= 1.01 * arm.speed_max).all()
+    assert (trace.q >= arm.position_min - 1e-3).all()
+    assert (trace.q <= arm.position_max + 1e-3).all()
+    np.testing.assert_allclose(trace.q, trace.reference, atol=1e-3)
+
+
+def test_an_episode_cut_off_is_no_success_and_its_rms_is_over_all_ticks(chung: IKCell) -> None:
+    env = FeedbackIKEnv(chung, action_mode="gains", physics="ideal", max_episode_s=0.3, record=True)
+    _, info = run(env, PLAIN)
+    assert info["truncated"]
+    assert info["position_error_rms_mm"] < 1.0
+    assert not info["is_success"]
+    rms = np.sqrt(np.mean(env.trace.position_error[1:] ** 2))
+    assert info["position_error_rms_mm"] == pytest.approx(1e3 * rms)
+    env.close()
+
+
+def test_effort_and_caps_go_to_their_bounds(chung: IKCell) -> None:
+    """Signs that change every period are nearly all cut; an arm stretched out works harder than one at its start."""
+    env = FeedbackIKEnv(chung, max_episode_s=1.0)
+    share = 1.0 / chung.duration
+    flips = [np.full(6, (-1) ** k, dtype=np.float32) for k in range(100)]
+    sums, info = run(env, *flips)
+    assert info["capped"]
+    assert -share <= sums["caps"] < -0.9 * share
+    assert -0.1 * share <= sums["effort"] < 0.0
+    still, _ = run(env, STILL)
+    assert still["caps"] == 0.0
+    assert sums["effort"] < 1.2 * still["effort"] < 0.0
+    env.close()
 
 
 @pytest.mark.parametrize("mode", ACTION_MODES)
@@ -267,8 +328,7 @@ def test_pictures_show_the_target(chung: IKCell) -> None:
         (pictures[0][..., k].astype(int) - pictures[0][..., [i for i in range(3) if i != k]].max(axis=-1) > 80).sum()
         for k in range(3)
     )
-    assert min(red, green, blue) >= 0
-    assert red + green > 20  # rods of the target's axes
+    assert min(red, green, blue) > 5  # rods of the target's axes
     env.close()
     with pytest.raises(RenderError, match="environment is closed"):
         env.render()
@@ -288,6 +348,8 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused(chung: IKCell) -> None:
         env.reset(options="x")  # type: ignore[arg-type]
     with pytest.raises(ActionError, match="call reset"):  # not on in the episode before
         env.step(STILL)
+    with pytest.raises(UnknownNameError, match=r"unknown reset option 'famly' \(.*family"):
+        env.reset(options={"famly": "smooth"})
     with pytest.raises(UnknownNameError, match=r"unknown family of targets 'smoth' \(did you mean 'smooth'"):
         env.reset(options={"family": "smoth"})
     env.close()
