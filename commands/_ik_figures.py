@@ -133,7 +133,7 @@ def _mark(axes: Axes, level: float, text: str) -> None:
 
 @styled
 def joint_speeds(traces: Mapping[str, IKTrace]) -> Figure:
-    """Speed of every joint's reference over time with its caps."""
+    """Speed of every joint over time with its caps."""
     shown, arm = purposeful(traces), _cell(traces).arm
     figure = new_figure(8.6, 1.1 + 1.25 * arm.dof)
     for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):

@@ -225,6 +225,7 @@ class PathConfig(_Model):
     start_rad: Annotated[tuple[Real, ...], Field(min_length=2)] | None = None
     """Joint positions [rad] (prismatic joints: [m]) at ``start_m``, of any arm, instead of an elbow: how it gets there.
 
+    They may be rounded: the arm is moved onto ``start_m``, no joint by more than 0.25.
     The tool keeps the orientation that it has there, as far as the arm has the joints for it.
     """
     blend: BlendConfig | None = None

@@ -273,7 +273,7 @@ class IKSimulation:
         base = np.array([law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping])
         position, approach, normal, damping = (GAIN_RATIO**action * base).tolist()
         gains = IKGains(position=position, approach=approach, normal=normal)
-        compiled = cell.solver.retuned(gains, min(damping, DAMPING_MAX))._law
+        compiled = cell.solver.retuned(gains, min(damping, DAMPING_MAX)).law
         asked, speeds = np.empty_like(joints), np.empty_like(joints)
         run_law(
             cell.arm.model, compiled, self._targets, 2 * self._ticks, self._arm.reference[2], self.joint_speeds,

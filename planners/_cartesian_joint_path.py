@@ -342,8 +342,7 @@ class CartesianJointPath(JointPath):
         return bool(np.isfinite(closed.within_limits(closed.solve(T))).all(axis=-1).any())
 
     def _singular(self, station: float, q: Array, speed: float | None) -> PathError:
-        J = self._task @ (self.arm.jacobian(q) / np.array([[self._tracker.length]] * 3 + [[1.0]] * 3))
-        least = float(np.linalg.svd(J, compute_uv=False).min())
+        least = float(self._tracker.singular_value(q))
         so = "its joints would have to jump" if speed is None else f"its joints' limits allow {speed:.4g} m/s only"
         return self._refuse(
             station,

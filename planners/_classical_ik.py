@@ -160,7 +160,7 @@ class ClosedFormIK:
 def _unit_law(arm: Arm, damping: float, task: TaskName | ArrayLike) -> loops.Law:
     """The feedback law with gains 1: what is asked for is the error."""
     gains = IKGains(position=1.0, approach=1.0, normal=1.0)
-    return FeedbackIK(arm, gains, error="quaternion", feed_forward=False, damping=damping, task=task)._law
+    return FeedbackIK(arm, gains, error="quaternion", feed_forward=False, damping=damping, task=task).law
 
 
 def _first(arm: Arm, target: PoseTarget, start: ArrayLike) -> tuple[Array, Flags]:

@@ -167,6 +167,11 @@ class FeedbackIK:
             what is nearest to zero).
         posture_gain: [1/s]; 0: none. It acts where the arm has more joints than the task has rows.
 
+    Attributes:
+        task: (m, 6) orthonormal rows of what is controlled.
+        length: [m] that velocities are divided by.
+        law: The same constants for compiled loops (``law_at``).
+
     Raises:
         InputError: A number that cannot be used; the message names it.
         RobotError: ``wrist``, and the arm has no spherical one; a joint slides without limits behind one that turns.
@@ -231,7 +236,7 @@ class FeedbackIK:
         linear, angular = _reach_of(arm)
         self.task = _task(arm, task, linear, angular)
         spare = arm.dof > len(self.task)
-        self._law = loops.Law(
+        self.law = loops.Law(
             float(self.gains.position),
             float(self.gains.approach),
             float(self.gains.normal),
@@ -257,7 +262,7 @@ class FeedbackIK:
             raise InputError(f"damping = {damping}", remedy="give a number between 0 and 1")
         other = copy(self)
         other.gains = gains
-        other._law = self._law._replace(
+        other.law = self.law._replace(
             position_gain=float(gains.position),
             approach_gain=float(gains.approach),
             normal_gain=float(gains.normal),
@@ -302,7 +307,7 @@ class FeedbackIK:
         """
         if integrator not in INTEGRATORS:
             raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
-        arm, law = self.arm, self._law
+        arm, law = self.arm, self.law
         first = floats(starts, "starts")
         if not targets or first.shape != (len(targets), arm.dof) or not np.isfinite(first).all():
             raise InputError(
@@ -382,7 +387,7 @@ class FeedbackIK:
             raise InputError(
                 f"q = {q}, row {index} of a target of {len(target.position)}", remedy="give finite q, an existing row"
             )
-        law = self._law._replace(feed_forward=False) if target.differentiated else self._law
+        law = self.law._replace(feed_forward=False) if target.differentiated else self.law
         # Copies, which are writable as a run's own arrays are: the law is compiled once only.
         whole = (target.position, target.rotation, target.velocity, target.angular_velocity)
         p, R, v, w = (a[index : index + 1].copy() for a in whole)
