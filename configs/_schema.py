@@ -513,7 +513,7 @@ class LineSpeedConfig(_Model):
     """Largest acceleration across the path [m/s^2], for profiles that look at it; null: as along the path."""
 
 
-class _OneArmFile(_CellFile):
+class OneArmCellConfig(_CellFile):
     """What the files of cells with one arm say."""
 
     physics_tick_s: Annotated[Real, Field(ge=1e-5, le=0.02)] = 0.001
@@ -534,7 +534,7 @@ class _OneArmFile(_CellFile):
         return self
 
 
-class BlendCellConfig(_OneArmFile):
+class BlendCellConfig(OneArmCellConfig):
     """One arm whose tip follows lines and arcs, blended at the corners, at a constant line speed."""
 
     kind: Literal["blend"]
@@ -641,7 +641,7 @@ class FeedbackLawConfig(_Model):
     """Singular value of the Jacobian, lengths in units of the arm's, below which it is damped."""
 
 
-class IKCellConfig(_OneArmFile):
+class IKCellConfig(OneArmCellConfig):
     """One arm whose tip follows a pose over time."""
 
     kind: Literal["ik"]

@@ -14,9 +14,10 @@ from armtempo.planners._cartesian_joint_path import CartesianJointPath
 from armtempo.planners._cartesian_path import Arc, Line
 from armtempo.planners._joint_path import JointPath
 from armtempo.planners._line_speed import LineSpeedLimits, LineSpeedProfile
+from armtempo.planners._one_arm_cell import OneArmCell
 from armtempo.planners._scara_path import ScaraPath
 from armtempo.planners._two_link_path import TwoLinkPath
-from armtempo.robots import Arm, Shape
+from armtempo.robots import Arm
 
 ProfileName = Literal["line-speed", "limit-aware"]
 PROFILES: tuple[ProfileName, ...] = get_args(ProfileName)
@@ -24,7 +25,7 @@ PROFILES: tuple[ProfileName, ...] = get_args(ProfileName)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 @final
-class BlendCell:
+class BlendCell(OneArmCell[BlendCellConfig]):
     """One arm on a blended path. Make one with ``load_cell`` or ``build_cell``; nothing in it changes.
 
     Attributes:
@@ -36,9 +37,6 @@ class BlendCell:
         path: The arm's joints along it.
     """
 
-    name: str
-    config: BlendCellConfig
-    arm: Arm
     segments: tuple[Line | Arc, ...]
     blended: BlendedPath
     path: TwoLinkPath | ScaraPath | CartesianJointPath
@@ -69,9 +67,6 @@ class BlendCell:
             path=path,
         )
 
-    def __deepcopy__(self, memo: dict[int, object]) -> BlendCell:
-        return self  # nothing in it changes; gymnasium.make copies the arguments of environments
-
     def variant(
         self,
         *,
@@ -98,34 +93,9 @@ class BlendCell:
         return self.of(config, self.arm, self.segments if segments is None else segments)
 
     @property
-    def arms(self) -> tuple[Arm]:
-        """The arm, as cells of several have theirs."""
-        return (self.arm,)
-
-    @property
     def paths(self) -> tuple[JointPath]:
         """Its joint path."""
         return (self.path,)
-
-    @property
-    def obstacles(self) -> tuple[Shape, ...]:
-        """None: blend cells have no bodies but the arm."""
-        return ()
-
-    @property
-    def physics_tick(self) -> float:
-        """Step of the simulation and of the reference [s]."""
-        return self.config.physics_tick_s
-
-    @property
-    def control_period(self) -> float:
-        """Time between two decisions [s]."""
-        return self.config.control_period_s
-
-    @property
-    def ticks_per_period(self) -> int:
-        """Simulation steps between two decisions."""
-        return self.config.ticks_per_period
 
     @property
     def contour_error_max(self) -> float:

@@ -15,10 +15,11 @@ from armtempo.configs import IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
 from armtempo.planners._cartesian_path import floats
 from armtempo.planners._feedback_ik import FeedbackIK, IKGains, IKRun
+from armtempo.planners._one_arm_cell import OneArmCell
 from armtempo.planners._pose_matrix import pose_matrix, rpy_matrix
 from armtempo.planners._pose_motions import harmonic, through_poses
 from armtempo.planners._pose_target import Motion, PoseTarget
-from armtempo.robots import Arm, Clearance, Shape
+from armtempo.robots import Arm, Clearance
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ CHECKS = 200  # postures of the nominal run that are looked at
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 @final
-class IKCell:
+class IKCell(OneArmCell[IKCellConfig]):
     """One arm and the pose that its tip is to follow. Make one with ``load_cell`` or ``build_cell``; it never changes.
 
     Attributes:
@@ -39,9 +40,6 @@ class IKCell:
         solver: The feedback law of the cell.
     """
 
-    name: str
-    config: IKCellConfig
-    arm: Arm
     start: Array
     target: PoseTarget
     solver: FeedbackIK
@@ -73,9 +71,6 @@ class IKCell:
             solver=solver,
         )
 
-    def __deepcopy__(self, memo: dict[int, object]) -> IKCell:
-        return self  # nothing in it changes; gymnasium.make copies the arguments of environments
-
     def variant(self, motion: Motion, duration: float, start: ArrayLike) -> IKCell:
         """The same arm and law with another target: ``motion`` over ``duration`` [s], from ``start`` (n,).
 
@@ -85,31 +80,6 @@ class IKCell:
         return replace(
             self, start=_checked_start(self.arm, start), target=sample_periods(self.config, motion, duration)
         )
-
-    @property
-    def arms(self) -> tuple[Arm]:
-        """The arm, as cells of several have theirs."""
-        return (self.arm,)
-
-    @property
-    def obstacles(self) -> tuple[Shape, ...]:
-        """None: IK cells have no bodies but the arm."""
-        return ()
-
-    @property
-    def physics_tick(self) -> float:
-        """Step of the simulation and of the target [s]."""
-        return self.config.physics_tick_s
-
-    @property
-    def control_period(self) -> float:
-        """Time between two decisions [s]."""
-        return self.config.control_period_s
-
-    @property
-    def ticks_per_period(self) -> int:
-        """Simulation steps between two decisions."""
-        return self.config.ticks_per_period
 
     @property
     def ticks(self) -> int:
