@@ -43,7 +43,10 @@ STANDING = 1e-5  # of the remaining distance: a blend with a smaller |F'| somewh
 
 
 class PassingLimits(Protocol):
-    """Limits of the line speed: ``LineSpeedLimits``, or anything with its attributes (SI)."""
+    """Limits of the line speed: ``LineSpeedLimits``, or anything with its attributes.
+
+    Speed [m/s], acceleration [m/s^2], jerk [m/s^3], normal acceleration [m/s^2] (None: as the acceleration).
+    """
 
     @property
     def speed(self) -> float: ...
