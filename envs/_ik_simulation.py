@@ -131,8 +131,9 @@ class IKSimulation:
         unlimited = arm.speed_max / (UNLIMITED * cell.control_period)
         self._braking: Array = np.where(np.isfinite(arm.acceleration_max), arm.acceleration_max, unlimited)
         self._hardness = 1.0  # share of these at which it can stop
+        target = cell.target  # copied, so not read-only: the law is compiled for one kind of arrays
         self._targets = IKTargets(
-            cell.target.position, cell.target.rotation, cell.target.velocity, cell.target.angular_velocity, 2,
+            target.position.copy(), target.rotation.copy(), target.velocity.copy(), target.angular_velocity.copy(), 2,
             cell.physics_tick,
         )  # fmt: skip
         self._ticks = 0
