@@ -20,6 +20,7 @@ from armtempo.planners._cartesian_joint_path import CartesianJointPath
 from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
 from armtempo.planners._cell import Cell
 from armtempo.planners._cell_generator import FAMILIES, CellLabels, GeneratedCell, cell_name, generate_cell, label_cell
+from armtempo.planners._clairvoyant import clairvoyant
 from armtempo.planners._classical_ik import ClosedFormIK, NewtonIK, ResolvedRateIK
 from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
 from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell, bench_claims
@@ -151,6 +152,7 @@ __all__ = [
     "blended_point",
     "build_cell",
     "cell_name",
+    "clairvoyant",
     "clearance_table",
     "default_engine",
     "diagnose",

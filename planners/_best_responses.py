@@ -45,11 +45,11 @@ def prioritised(problem: TimingProblem, order: tuple[int, ...]) -> Motions:
     """
     planned: dict[int, PhaseTrajectory] = {order[0]: problem.fastest[order[0]]}
     for arm in order[1:]:
-        planned[arm] = _respond(problem, arm, planned, FULL)
+        planned[arm] = respond(problem, arm, planned, FULL)
     return tuple(planned[arm] for arm in problem.arms)
 
 
-def _respond(
+def respond(
     problem: TimingProblem,
     arm: int,
     others: dict[int, PhaseTrajectory],
@@ -97,7 +97,7 @@ def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]
                 continue
             others = {j: motion for j, motion in enumerate(motions) if j != arm}
             try:
-                response = _respond(problem, arm, others, stages, motions[arm].duration)
+                response = respond(problem, arm, others, stages, motions[arm].duration)
             except InfeasibleError:
                 continue  # the lattice is too coarse for the motion it has
             if response.duration < motions[arm].duration:
@@ -139,7 +139,7 @@ def _answered(problem: TimingProblem, arm: int, virtual: Occupancy) -> Motions |
     other = 1 - arm
     try:
         answer = problem.searches[other].respond({arm: virtual}, stages=COARSE[:1])
-        own = _respond(problem, arm, {other: answer}, COARSE[:1])
+        own = respond(problem, arm, {other: answer}, COARSE[:1])
     except InfeasibleError:
         return None
     return (own, answer) if arm == 0 else (answer, own)
@@ -170,7 +170,7 @@ def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] |
             nodes += 1
             try:
                 motion = (
-                    _respond(problem, arm, planned, COARSE)
+                    respond(problem, arm, planned, COARSE)
                     if shaped
                     else problem.fastest[arm].delayed(start_offset(problem, arm, planned))
                 )
