@@ -1,6 +1,8 @@
-"""Agents: the policy protocol, baseline policies, and their evaluation."""
+"""Agents: the policy protocol, baseline and learned policies, their training and their evaluation."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from armtempo.agents._baselines import (
     POLICIES,
@@ -28,8 +30,12 @@ from armtempo.agents._evaluate_blend import (
     speed_errors,
 )
 from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
+from armtempo.agents._extra import TRAINING, load_training
 from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
+
+if TYPE_CHECKING:
+    from armtempo.agents._parallel_vec_env import ParallelVecEnv
 
 __all__ = [
     "BLEND_POLICIES",
@@ -68,4 +74,12 @@ __all__ = [
     "ik_policy",
     "RandomActions",
     "SingleArmPolicy",
+    "ParallelVecEnv",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Import what needs torch and stable-baselines3 on first use (PEP 562)."""
+    if name in TRAINING:
+        return load_training(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
