@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armtempo.agents._agent_file import Agent, AgentHeader, find_agent, load_agent, save_agent, shipped_agents
 from armtempo.agents._baselines import (
     POLICIES,
     ExecutionPolicy,
@@ -19,7 +20,7 @@ from armtempo.agents._blend_baselines import (
     blend_baseline,
     highest_rate,
 )
-from armtempo.agents._evaluate import Evaluation, PolicyResult, evaluate, run_episode
+from armtempo.agents._evaluate import ONLINE, Evaluation, PolicyResult, evaluate, run_episode
 from armtempo.agents._evaluate_blend import (
     BlendEvaluation,
     BlendPolicyResult,
@@ -32,6 +33,7 @@ from armtempo.agents._evaluate_blend import (
 from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
 from armtempo.agents._extra import TRAINING, load_training
 from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
+from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLEND_POLICIES",
+    "ONLINE",
     "POLICIES",
     "Actions",
     "BlendBaseline",
@@ -75,6 +78,14 @@ __all__ = [
     "RandomActions",
     "SingleArmPolicy",
     "ParallelVecEnv",
+    "Agent",
+    "AgentHeader",
+    "LearnedOneArmPolicy",
+    "LearnedPolicy",
+    "find_agent",
+    "load_agent",
+    "save_agent",
+    "shipped_agents",
 ]
 
 

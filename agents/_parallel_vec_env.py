@@ -9,13 +9,12 @@ from typing import Any, final
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from armtempo.errors import InputError
 
-AnyParallelEnv = ParallelEnv[str, Any, Any]
+AnyParallelEnv = Any  # PettingZoo has no types
 
 
 @final
@@ -82,8 +81,8 @@ class ParallelVecEnv(VecEnv):
         self._reset_options()
         return self._observations.copy()
 
-    def _start(self, k: int, **how: Any) -> dict[str, Any]:
-        """A new episode of copy k."""
+    def _start(self, k: int, **how: Any) -> Any:
+        """A new episode of copy k; its infos by agent."""
         observations, infos = self.envs[k].reset(**how)
         first = k * len(self.agents)
         for agent, i in self._row.items():
