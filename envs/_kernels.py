@@ -29,6 +29,31 @@ Array = NDArray[np.float64]
 
 
 @njit
+def run_arm(
+    rows: phase_kernels.Rows,
+    edges: phase_kernels.Edges,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    tick: float,
+    ticks: int,
+    out: Array,
+) -> tuple[float, float, float]:
+    """One command of one arm for so many ticks, without physics: place and speed after them, and the time used.
+
+    ``out`` (ticks,): the place at the end of every tick. The time is less than ``ticks * tick`` only on arrival.
+    """
+    total, scratch = 0.0, np.empty((0, 3))
+    for k in range(ticks):
+        if lam < rows.station[-1]:
+            lam, mu, used, _ = phase_kernels.advance(rows, edges, lam, mu, command, by_speed, tick, scratch, 0)
+            total += used
+        out[k] = lam
+    return lam, mu, total
+
+
+@njit
 def move(
     rows: phase_kernels.Rows,
     edges: phase_kernels.Edges,
