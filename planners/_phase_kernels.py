@@ -738,11 +738,12 @@ def run(
     tick: float,
     ticks: int,
     out: Array,
+    speeds: Array,
 ) -> tuple[float, float, float]:
     """Move an arm for so many ticks under one command, as ``advance`` does for all of that time; but fast.
 
-    ``steps``: of the edges; intervals that fit in as a whole are three numbers per row there. ``out`` (ticks,) or (0,): the place at the end of every
-    tick; asking for it changes nothing. Returns lam, mu and the time used (less than all only on arrival).
+    ``steps``: of the edges; intervals that fit in as a whole are three numbers per row there. ``out`` and
+    ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick; asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
     """
     last, count = steps.shape[0] - 1, out.shape[0]
     lines = FIXED + 6 * ((steps.shape[1] - FIXED) // 11)
@@ -784,7 +785,9 @@ def run(
                     break
                 while due <= used + time:
                     t = due - used
-                    out[k] = min(steps[i, 0] + t * (mu + 0.5 * t * (y - x) / d2), steps[i + 1, 0])
+                    u = (y - x) / d2
+                    out[k] = min(steps[i, 0] + t * (mu + 0.5 * t * u), steps[i + 1, 0])
+                    speeds[k] = mu + t * u
                     k += 1
                     due = tick * (k + 1) if k < count else np.inf
                 x, mu, used = y, mu_next, used + time
@@ -817,13 +820,14 @@ def run(
             x_next, time = mu_next * mu_next, rest
         while due <= used + time:
             t = due - used
-            out[k] = min(lam + t * (mu + 0.5 * t * u), there)
+            out[k], speeds[k] = min(lam + t * (mu + 0.5 * t * u), there), max(mu + t * u, 0.0)
             k += 1
             due = tick * (k + 1) if k < count else np.inf
         lam, x = there, x_next
         used = used + time if time < rest else dt
+    mu = np.sqrt(x)
+    if lam < end:  # the last tick is due now, whatever rounding says
+        k = min(k, count - 1)
     for m in range(k, count):
-        out[m] = lam
-    if count and lam < end:
-        out[count - 1] = lam
-    return lam, np.sqrt(x), used
+        out[m], speeds[m] = lam, mu
+    return lam, mu, used
