@@ -224,3 +224,11 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float) ->
         found = tabulated_clearance(clearance_of(world, p), episodes.lam[e, i], episodes.lam[e, j])
         episodes.smallest[e] = min(episodes.smallest[e], found)
     episodes.rewarded[e], episodes.charged[e] = episodes.lam[e], 0.0
+
+
+@njit
+def draw_all(world: World, draws: Draws, episodes: Episodes, active: NDArray[np.bool_], late: float) -> None:
+    """``draw`` for all active episodes."""
+    for e in range(active.shape[0]):
+        if active[e]:
+            draw(world, draws, episodes, e, late)

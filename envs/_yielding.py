@@ -94,10 +94,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         check_render_mode(render_mode)
         as_range(master_late_s, "master_late_s", math.inf)
         self.cell = as_cell(cell)
-        names = [arm.name for arm in self.cell.arms]
-        if learner is not None and learner not in names:
-            raise UnknownNameError("arm", learner, names)
-        self._own = len(names) - 1 if learner is None else names.index(learner)
+        self._own = learner_of(self.cell, learner)
         self.render_mode = render_mode
         self._episode = Episode(
             self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s,
@@ -108,8 +105,9 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._running = self._closed = False
-        self._full_speed = np.ones(len(names))
-        self._others = _others(self.cell, others, mode)
+        self._full_speed = np.ones(len(self.cell.arms))
+        named = others is None or isinstance(others, str)
+        self._others = next(iter(others_of(self.cell, others, mode, 1)), None) if named else others
 
     @property
     def simulation(self) -> Simulation:
@@ -177,13 +175,28 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer.close()
 
 
-def _others(cell: Cell, others: str | Execution | None, mode: Mode) -> Execution | None:
-    """What the other arms do; None: full speed."""
-    if others is not None and not isinstance(others, str):
-        return others
+def learner_of(cell: Cell, learner: str | None) -> int:
+    """The number of the learning arm; None: the last one.
+
+    Raises:
+        UnknownNameError: The cell has no such arm.
+    """
+    names = [arm.name for arm in cell.arms]
+    if learner is not None and learner not in names:
+        raise UnknownNameError("arm", learner, names)
+    return len(names) - 1 if learner is None else names.index(learner)
+
+
+def others_of(cell: Cell, others: str | None, mode: Mode, count: int) -> list[Execution]:
+    """What the other arms do in so many episodes, each its own; none: full speed.
+
+    Raises:
+        UnknownNameError: There is no such baseline.
+    """
     name = others or ("phase-plane" if len(cell.arms) < 3 else "vci")
     if name == "phase-plane":
-        return None
+        return []
     if name in METHODS:
-        return execution_of(schedule(cell, name), mode)
+        plan = schedule(cell, name)
+        return [execution_of(plan, mode) for _ in range(count)]
     raise UnknownNameError("baseline for the other arms", name, ("phase-plane", *METHODS))
