@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +48,12 @@ sac: {learning_starts: 40, batch_size: 32, buffer_size: 250}
 TQC = SAC.replace("sac", "tqc")
 ALL, LAST = "coordination: {cells: [lee1991], learners: all}", "coordination: {cells: [lee1991]}"
 ONE_ARM = "feedback_ik: {cell: chung, family: smooth, physics: bullet}"
-CASES = {
-    "ppo, all arms": (PPO, ALL, 640),
-    "sac, last arm": (SAC, LAST, 240),
-    "tqc, last arm": (TQC, LAST, 240),
-    "sac, one arm in bullet": (SAC, ONE_ARM, 240),
-}
+CASES = [
+    pytest.param(PPO, ALL, 640, id="ppo, all arms"),
+    pytest.param(SAC, LAST, 240, id="sac, last arm"),
+    pytest.param(TQC, LAST, 240, id="tqc, last arm", marks=pytest.mark.slow),
+    pytest.param(SAC, ONE_ARM, 240, id="sac, one arm in bullet", marks=pytest.mark.slow),
+]
 KILLED = """
 import os, signal, sys
 from armtempo.agents import train
@@ -63,6 +64,13 @@ def die(done, total):
 
 train(sys.argv[1], sys.argv[2], on_progress=die)
 """
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _kept_charts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ARMTEMPO_CACHE", str(tmp_path_factory.mktemp("charts")))
+        yield
 
 
 def written(folder: Path, *texts: str) -> Path:
@@ -93,9 +101,10 @@ def assert_same(one: Any, other: Any) -> None:
         assert torch.equal(one, other)
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_training_that_was_killed_ends_like_one_that_was_not(case: str, tmp_path: Path) -> None:
-    algorithm, where, dies_at = CASES[case]
+@pytest.mark.parametrize(("algorithm", "where", "dies_at"), CASES)
+def test_a_training_that_was_killed_ends_like_one_that_was_not(
+    algorithm: str, where: str, dies_at: int, tmp_path: Path
+) -> None:
     path = written(tmp_path, algorithm, where)
     whole = train(path, tmp_path / "whole")
     folder = tmp_path / "killed"
