@@ -167,7 +167,8 @@ def _run_episode(
     """That, and the last info of every agent."""
     observations, _ = env.reset(seed=seed)
     policy.reset(seed)
-    total, last = 0.0, {}
+    total = 0.0
+    last: dict[str, dict[str, Any]] = {}
     while env.agents:
         seen = {agent: observations[agent] for agent in env.agents}
         observations, rewards, _, _, infos = env.step(policy.act(seen, env))

@@ -18,7 +18,7 @@ from armtempo.envs import CoordinationEnv, CoordinationVectorEnv
 from armtempo.planners import Cell
 
 pytestmark = pytest.mark.rl
-LATE = {"master_late_s": 0.1}
+LATE: dict[str, Any] = {"master_late_s": 0.1}
 
 
 def batch(cell: Cell, episodes: int, **options: Any) -> BatchVecEnv:
