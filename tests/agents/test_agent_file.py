@@ -99,6 +99,7 @@ def _header(**changes: Any) -> Any:
     return np.frombuffer(json.dumps(said).encode(), np.uint8)
 
 
+NAN = np.array([np.nan], np.float32)
 LAYER = {"weight_0": np.zeros((1, SIZE), np.float32), "bias_0": np.zeros(1, np.float32)}
 
 
@@ -122,7 +123,7 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "algorithm": (lambda path: _write(path, header=_header(algorithm="dqn"), **LAYER), "dqn"),
     "no layers": (lambda path: _write(path, header=_header()), "no layers"),
     "shape": (lambda path: _write(path, header=_header(entries=["x"]), **LAYER), "wrong shape"),
-    "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": np.array([np.nan], np.float32)}), "finite"),
+    "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": NAN}), "finite"),
     "pickle": (lambda path: _write(path, header=np.array([Trap(path.with_name("sprung"))])), "not an agent file"),
 }  # fmt: skip
 
