@@ -1,0 +1,160 @@
+"""The shield of one environment: lets through the largest commands that can neither collide nor end in a deadlock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, feasible, first_orders
+from armtempo.envs._world import World
+from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners import Cell, PassingOrders, Precedence, precedence, schedule
+
+Array = NDArray[np.float64]
+
+FEW = 4  # arms of which all priority orders are tried
+BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
+
+
+def shield_tables(
+    cell: Cell, *, scripted: Sequence[int] = (), plan: Precedence | None = None, tube_m: float = 0.0
+) -> ShieldTables:
+    """What the kernel needs of a cell.
+
+    Args:
+        cell: The cell.
+        scripted: Arms that the shield does not change. Without a plan they pass first everywhere.
+        plan: What the scripted arms obey.
+        tube_m: How far every arm may be off its reference beyond the reserve of planned clearance [m].
+    """
+    if not (np.isfinite(tube_m) and tube_m >= 0.0):
+        raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
+    orders = PassingOrders.of_cell(cell, 2.0 * tube_m)
+    parts, region, length = [np.zeros(1)], [], 1  # never empty
+    for a, b, begin_a, begin_b, limit_a, limit_b in orders.regions:
+        region.append(
+            [
+                [b, a, begin_a, len(limit_b), length],
+                [a, b, begin_b, len(limit_a), length + len(limit_b)],
+            ]
+        )
+        parts += [limit_b, limit_a]
+        length += len(limit_a) + len(limit_b)
+    return ShieldTables(
+        buffer=np.concatenate(parts),
+        region=np.array(region, dtype=np.int64).reshape(-1, 2, 5),
+        cells=orders.resolutions.copy(),
+        candidates=_candidates(cell, orders, tuple(scripted), plan),
+        holdable=np.array(cell.holdable),
+    )
+
+
+def _candidates(
+    cell: Cell, orders: PassingOrders, scripted: tuple[int, ...], plan: Precedence | None
+) -> NDArray[np.int8]:
+    """(C, R) orders to begin with: priorities as they are, then others, then those of the shortest plan."""
+    arms = len(cell.arms)
+    if plan is not None:
+        rows = [orders.of_precedence(plan)]
+    elif scripted:
+        free = [i for i in range(arms) if i not in scripted]
+        ranks = permutations(free) if len(free) <= FEW else [tuple(free)]
+        rows = [orders.of_ranks((*scripted, *rank)) for rank in ranks]
+        for r, region in enumerate(orders.regions):
+            if region.a in scripted and region.b in scripted:  # they run whatever the others do
+                for row in rows:
+                    row[r] = 2
+    else:
+        ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
+        rows = [orders.of_ranks(rank) for rank in ranks]
+        if cell.priority_class == "mixed":
+            try:
+                rows.append(orders.of_precedence(precedence(schedule(cell, "optimal"))))
+            except InfeasibleError:
+                pass  # what is left to begin with is decided from where the arms are
+    return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
+
+
+def shield_work(cell: Cell, regions: int) -> ShieldWork:
+    """Scratch for one thread."""
+    arms, ticks = len(cell.arms), cell.ticks_per_period
+    longest = BRAKING * max(motion.duration for motion in cell.fastest)
+    periods = int(np.ceil(longest / cell.control_period)) + 2
+    return ShieldWork(
+        places=np.zeros((2, arms, periods * ticks + 1)),
+        length=np.zeros((2, arms), dtype=np.int64),
+        orders=np.zeros((2, regions), dtype=np.int8),
+        lam=np.zeros((2, arms)),
+    )
+
+
+@final
+class Shield:
+    """Commands that leave a way out, for the arms of one cell.
+
+    A requested set of commands is let through if every arm, after one period under its own and maximum braking from
+    then on, stays behind the limits of a passing order from which all arms arrive. Else the order is changed, where
+    the requests ask for it and all arms arrive under the other one too; else commands are cut, none more than needed.
+
+    Args:
+        cell: The cell.
+        world: Its packed form.
+        scripted: Arms that are not changed. Without a plan they pass first everywhere.
+        plan: The precedence that scripted arms obey.
+        tube_m: See ``shield_tables``.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        world: World,
+        *,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
+        tube_m: float = 0.0,
+    ) -> None:
+        arms = len(cell.arms)
+        self.cell = cell
+        self.tables = shield_tables(cell, scripted=scripted, plan=plan, tube_m=tube_m)
+        self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
+        self._world = world
+        self._work = shield_work(cell, len(self.orders))
+        self._ticks = cell.ticks_per_period
+        self._planned = plan is not None
+        self._scripted = np.zeros(arms, dtype=np.bool_)
+        self._scripted[list(scripted)] = True
+        self._uncertain = np.zeros(arms, dtype=np.bool_)
+        self._admitted = np.zeros(arms)
+
+    def reset(self, lam: ArrayLike, uncertain: ArrayLike = False) -> None:
+        """Choose who passes first for arms at rest at ``lam`` (A,); ``uncertain`` (A,): arms that may be disturbed.
+
+        Raises:
+            InfeasibleError: From there no passing order leads all arms to their ends.
+        """
+        self._uncertain[:] = uncertain
+        places = np.array(lam, dtype=np.float64)
+        if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self._work):
+            names = ", ".join(repr(arm.name) for arm in self.cell.arms)
+            scripted = self._scripted.any() and not self._planned
+            raise InfeasibleError(
+                f"the shield finds no passing order in which all arms arrive: {names} from {places.round(4).tolist()}",
+                remedy="let the other arms follow a plan, others='optimal'" if scripted else "start the arms elsewhere",
+                arms=tuple(range(len(places))),
+            )
+
+    def admit(self, lam: Array, mu: Array, commands: Array) -> Array:
+        """(A,) the commands that are let through for the next period; a new array."""
+        admit(
+            self._world, self.tables, self.orders, lam, mu, commands, self._scripted, self._uncertain, self._ticks,
+            self._admitted, self._work,
+        )  # fmt: skip
+        return self._admitted.copy()
+
+    def leads_on(self, lam: Array) -> bool:
+        """Whether from arms at rest at ``lam`` (A,) the orders as they are lead all arms to their ends."""
+        return bool(feasible(self._world, self.tables, self.orders, lam.copy(), np.zeros(len(lam))))
