@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, feasible, first_orders
+from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, feasible, first_orders, stop_table
 from armtempo.envs._world import World
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Cell, PassingOrders, Precedence, precedence, schedule
@@ -17,16 +17,18 @@ from armtempo.planners import Cell, PassingOrders, Precedence, precedence, sched
 Array = NDArray[np.float64]
 
 FEW = 4  # arms of which all priority orders are tried
+NODES, LEVELS = 65, 33  # of the table of stops: places, speeds
 BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
 
 
 def shield_tables(
-    cell: Cell, *, scripted: Sequence[int] = (), plan: Precedence | None = None, tube_m: float = 0.0
+    cell: Cell, world: World, *, scripted: Sequence[int] = (), plan: Precedence | None = None, tube_m: float = 0.0
 ) -> ShieldTables:
     """What the kernel needs of a cell.
 
     Args:
         cell: The cell.
+        world: Its packed form.
         scripted: Arms that the shield does not change. Without a plan they pass first everywhere.
         plan: What the scripted arms obey.
         tube_m: How far every arm may be off its reference beyond the reserve of planned clearance [m].
@@ -44,12 +46,20 @@ def shield_tables(
         )
         parts += [limit_b, limit_a]
         length += len(limit_a) + len(limit_b)
+    arms = len(cell.arms)
+    fastest = [float(np.sqrt(plane.edges.high.max())) for plane in cell.planes]
+    spacing = np.array([[path.length / (NODES - 1), v / (LEVELS - 1)] for path, v in zip(cell.paths, fastest)])
+    stop = np.zeros((arms, NODES, LEVELS))
+    for i in range(arms):
+        stop_table(world, i, cell.ticks_per_period, spacing[i], stop[i])
     return ShieldTables(
         buffer=np.concatenate(parts),
         region=np.array(region, dtype=np.int64).reshape(-1, 2, 5),
         cells=orders.resolutions.copy(),
         candidates=_candidates(cell, orders, tuple(scripted), plan),
         holdable=np.array(cell.holdable),
+        spacing=spacing,
+        stop=stop,
     )
 
 
@@ -87,6 +97,7 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
     return ShieldWork(
         places=np.zeros((2, arms, periods * ticks + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
+        after=np.zeros((2, arms, 3)),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
     )
@@ -119,7 +130,7 @@ class Shield:
     ) -> None:
         arms = len(cell.arms)
         self.cell = cell
-        self.tables = shield_tables(cell, scripted=scripted, plan=plan, tube_m=tube_m)
+        self.tables = shield_tables(cell, world, scripted=scripted, plan=plan, tube_m=tube_m)
         self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
         self._world = world
         self._work = shield_work(cell, len(self.orders))

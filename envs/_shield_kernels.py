@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs._kernels import run_arm
 from armtempo.envs._world import World, edges_of, length_of, rows_of
+from armtempo.planners import phase_kernels
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ Orders = NDArray[np.int8]
 MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
 HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
+PARTS = 8  # of a tick, in which limits are asked
+UNKNOWN, STARTED = -2, -1  # how much of an arm is foreseen; else the ticks until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
 
@@ -37,13 +40,16 @@ class ShieldTables(NamedTuple):
     cells: Ints  # (A, A) resolution of the pair's chart
     candidates: Orders  # (C, R) orders to begin with, the preferred first
     holdable: Bools  # (A,) whether the arm can stand wherever it is
+    spacing: Array  # (A, 2) of the nodes of ``stop``: place, speed
+    stop: Array  # (A, N, M) where arm i stops if it brakes at a node, a little more
 
 
 class ShieldWork(NamedTuple):
     """Scratch of one thread; K + 1 places: now, and at the end of every tick."""
 
     places: Array  # (2, A, K + 1) under the command for one period, then braking; braking from now on
-    length: Ints  # (2, A) ticks until the arm is at rest; -1: not foreseen yet
+    length: Ints  # (2, A) ticks until the arm is at rest, or UNKNOWN or STARTED
+    after: Array  # (2, A, 3) place and speed after that period, and a bound on where it stops
     orders: Orders  # (2, R)
     lam: Array  # (2, A)
 
@@ -110,29 +116,127 @@ def first_orders(
 
 
 @njit
+def stop_table(world: World, i: int, ticks: int, spacing: Array, out: Array) -> None:
+    """Fill ``out`` (N, M) with where arm i stops if it brakes at a node, and what it covers in two ticks."""
+    rows, edges = rows_of(world, i), edges_of(world, i)
+    end, scratch = length_of(world, i), np.empty(ticks)
+    for node in range(out.shape[0]):
+        for level in range(out.shape[1]):
+            place, speed = min(node * spacing[0], end), level * spacing[1]
+            edge = phase_kernels.edge_speed(rows, edges, place)
+            if level > 0 and (level - 1) * spacing[1] >= edge:
+                out[node, level] = out[node, level - 1]  # no arm is that fast there
+                continue
+            slack = 2.0 * speed * world.tick
+            speed = min(speed, edge)
+            for _ in range(100000):
+                before = place
+                place, speed, _ = run_arm(rows, edges, place, speed, 0.0, world.by_speed, world.tick, ticks, scratch)
+                if speed <= 0.0 or place >= end or place == before:
+                    break
+            out[node, level] = min(place + slack, end)
+
+
+@njit
+def stop_bound(tables: ShieldTables, i: int, lam: float, mu: float) -> float:
+    """A place behind which arm i certainly comes to rest if it brakes now: the next node of its table, both ways.
+
+    Braking motions do not cross, and a braking arm is not faster later: from a node farther on and a higher speed it
+    stops farther. Infinite for arms that cannot hold still everywhere, which may be pulled on.
+    """
+    if not tables.holdable[i]:
+        return np.inf
+    if mu <= 0.0:
+        return lam
+    node, level = int(np.ceil(lam / tables.spacing[i, 0])), int(np.ceil(mu / tables.spacing[i, 1]))
+    stop = tables.stop[i]
+    return max(lam, stop[min(node, stop.shape[0] - 1), min(level, stop.shape[1] - 1)])
+
+
+@njit
+def _start(
+    world: World, tables: ShieldTables, row: int, i: int, lam: float, mu: float, command: float, ticks: int,
+    work: ShieldWork,
+) -> None:  # fmt: skip
+    """Foresee arm i for one period under a command."""
+    out = work.places[row, i]
+    out[0] = lam
+    after, speed, _ = run_arm(
+        rows_of(world, i), edges_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1]
+    )
+    work.after[row, i, 0], work.after[row, i, 1] = after, speed
+    work.after[row, i, 2] = stop_bound(tables, i, after, speed)
+    work.length[row, i] = STARTED
+
+
+@njit
 def _foresee(
-    world: World, tables: ShieldTables, i: int, lam: float, mu: float, command: float, ticks: int, out: Array
-) -> int:
-    """Fill ``out`` (K + 1,) with the places of arm i under a command for one period, then braking; ticks until rest.
+    world: World, tables: ShieldTables, row: int, i: int, lam: Array, mu: Array, commands: Array, ticks: int,
+    work: ShieldWork,
+) -> int:  # fmt: skip
+    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking; ticks until rest.
 
     An arm that does not come to rest in time counts as going on to the end of its path.
     """
-    rows, edges = rows_of(world, i), edges_of(world, i)
-    out[0] = lam
+    if work.length[row, i] >= 0:
+        return work.length[row, i]  # type: ignore[no-any-return]
+    if work.length[row, i] == UNKNOWN:
+        _start(world, tables, row, i, lam[i], mu[i], commands[i] if row == 0 else 0.0, ticks, work)
+    out, k = work.places[row, i], ticks
     last = out.shape[0] - 1
+    rows, edges = rows_of(world, i), edges_of(world, i)
     end = rows.station[rows.station.shape[0] - 1]
-    k = 0
+    place, speed = work.after[row, i, 0], work.after[row, i, 1]
     while k + ticks < last:
-        if lam >= end or (command == 0.0 and mu <= 0.0 and tables.holdable[i]):
-            return k
-        before = lam
-        lam, mu, _ = run_arm(rows, edges, lam, mu, command, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks])
-        if command == 0.0 and lam == before:
-            return k
+        if place >= end or (speed <= 0.0 and tables.holdable[i]):
+            break
+        before = place
+        place, speed, _ = run_arm(
+            rows, edges, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks]
+        )
+        if place == before:
+            break
         k += ticks
-        command = 0.0
-    out[k + 1 :] = end
-    return k + 1
+    else:
+        out[k + 1 :] = end
+        k += 1
+    work.length[row, i] = k
+    return k
+
+
+@njit
+def _bend(places: Array, k: int, last: int) -> float:
+    """The larger of the second differences at both ends of the tick before ``k``; ``last``: at rest from there on."""
+    step = places[min(k, last)] - places[min(k - 1, last)]
+    bend = abs(places[min(k + 1, last)] - places[min(k, last)] - step)
+    if k > 1:
+        bend = max(bend, abs(step - (places[min(k - 1, last)] - places[min(k - 2, last)])))
+    return bend
+
+
+@njit
+def _behind(
+    tables: ShieldTables, r: int, order: int, length: float, margin: float, far: Array, far_last: int, near: Array,
+    near_last: int, k: int,
+) -> bool:  # fmt: skip
+    """Whether the second arm stays behind its limit during the tick before place ``k``.
+
+    Limits never fall, so in every part of the tick it is enough that the one is behind at its end the limit from where
+    the other is at its begin. Inside a tick places differ from the chord by an eighth of the second difference if the
+    acceleration is constant; eight times that is allowed for.
+    """
+    begin, end = near[min(k - 1, near_last)], near[min(k, near_last)]
+    if far[k] <= limit_at(tables, r, order, begin, length) - margin:
+        return True
+    if far[k] > limit_at(tables, r, order, end, length) - margin:
+        return False
+    far_bend, near_bend = _bend(far, k, far_last), _bend(near, k, near_last)
+    for part in range(PARTS):
+        low = max(begin + part / PARTS * (end - begin) - near_bend, begin)
+        high = min(far[k - 1] + (part + 1) / PARTS * (far[k] - far[k - 1]) + far_bend, far[k])
+        if high > limit_at(tables, r, order, low, length) - margin:
+            return False
+    return True
 
 
 @njit
@@ -147,29 +251,27 @@ def _fits(
     if limit == np.inf:
         return True
     margin = MARGIN * length_of(world, i)
-    if work.length[0, i] < 0:
-        work.length[0, i] = _foresee(world, tables, i, lam[i], mu[i], commands[i], ticks, work.places[0, i])
-    last = work.length[0, i]
-    far = work.places[0, i]
+    if work.length[0, i] == UNKNOWN:
+        _start(world, tables, 0, i, lam[i], mu[i], commands[i], ticks, work)
+    if work.after[0, i, 2] <= limit - margin:
+        return True
+    last, far = _foresee(world, tables, 0, i, lam, mu, commands, ticks, work), work.places[0, i]
     if far[last] <= limit - margin:
         return True
     row = 1 if unsure[j] else 0
-    if work.length[row, j] < 0:
-        command = 0.0 if unsure[j] else commands[j]
-        work.length[row, j] = _foresee(world, tables, j, lam[j], mu[j], command, ticks, work.places[row, j])
-    stop, near = min(work.length[row, j], work.places.shape[2] - ticks - 1), work.places[row, j]
+    stop, near = _foresee(world, tables, row, j, lam, mu, commands, ticks, work), work.places[row, j]
+    stop = min(stop, work.places.shape[2] - ticks - 1)  # what is not foreseen of an arm ahead does not count
     for k in range(1, last + 1):
         if far[k] > limit - margin:
-            limit = limit_at(tables, r, order, near[min(k - 1, stop)], length)
-            if limit == np.inf:
-                return True
-            if far[k] > limit - margin:
+            if not _behind(tables, r, order, length, margin, far, last, near, stop, k):
                 if strict:
                     return False
-                if work.length[1, i] < 0:
-                    work.length[1, i] = _foresee(world, tables, i, lam[i], mu[i], 0.0, ticks, work.places[1, i])
-                if far[k] > work.places[1, i, min(k, work.length[1, i])]:
+                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, work)
+                if far[k] > work.places[1, i, min(k, own)]:
                     return False
+            limit = limit_at(tables, r, order, near[min(k, stop)], length)
+            if limit == np.inf:
+                return True
     return True
 
 
@@ -182,7 +284,7 @@ def _cut(
     low, high = 0, int(np.ceil(commands[i] * STEPS))
     while high - low > 1:
         middle = (low + high) // 2
-        commands[i], work.length[0, i] = middle / STEPS, -1
+        commands[i], work.length[0, i] = middle / STEPS, UNKNOWN
         fits = True
         for r in range(orders.shape[0]):
             if orders[r] < 2 and tables.region[r, orders[r], 0] == i:
@@ -193,7 +295,7 @@ def _cut(
             low = middle
         else:
             high = middle
-    commands[i], work.length[0, i] = low / STEPS, -1
+    commands[i], work.length[0, i] = low / STEPS, UNKNOWN
 
 
 @njit
@@ -245,10 +347,8 @@ def _other_orders(
             continue
         for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
             row = 1 if unsure[i] else 0
-            if work.length[row, i] < 0:
-                command = 0.0 if unsure[i] else commands[i]
-                work.length[row, i] = _foresee(world, tables, i, lam[i], mu[i], command, ticks, work.places[row, i])
-            work.lam[0, i] = work.places[row, i, min(work.length[row, i], work.places.shape[2] - ticks - 1)]
+            stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, work)
+            work.lam[0, i] = work.places[row, i, min(stop, work.places.shape[2] - ticks - 1)]
         if feasible(world, tables, trial, work.lam[0], work.lam[1]):
             orders[:] = trial
             return True
@@ -289,7 +389,7 @@ def admit(
     it is what was checked the last time.
     """
     admitted[:] = commands
-    work.length[:] = -1
+    work.length[:] = UNKNOWN
     unsure = scripted | uncertain
     fits, tried, changed = False, False, False
     sweep = 0
@@ -308,7 +408,7 @@ def admit(
                 if sweep < SWEEPS:
                     _cut(world, tables, orders, i, lam, mu, admitted, unsure, ticks, work)
                 else:
-                    admitted[i], work.length[0, i] = 0.0, -1
+                    admitted[i], work.length[0, i] = 0.0, UNKNOWN
                 changed = True
         sweep += 1
     return changed
