@@ -14,6 +14,7 @@ from pettingzoo import ParallelEnv
 from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._shield import EpisodeShield
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
 from armtempo.errors import ActionError, InputError
 from armtempo.planners import Cell, Mode
@@ -57,6 +58,9 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         master_late_s: How long the first arm stands before it obeys its agent [s].
         max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep an ``EpisodeTrace``.
+        shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
+            ``info["shield"]``.
+        shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
 
     Version history:
         v0: first release.
@@ -79,6 +83,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         master_late_s: float = 0.0,
         max_episode_s: float | None = None,
         record: bool = False,
+        shield: bool = False,
+        shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
         check_late(master_late_s)
@@ -87,6 +93,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self.mode: Mode = mode
         self.render_mode = render_mode
         self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
+        self._shield = EpisodeShield(self.simulation, tube_m=shield_tube_m) if shield else None
         self.master_late_s = float(master_late_s)
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
@@ -126,6 +133,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         late = np.zeros(len(self.possible_agents))
         late[0] = float((options or {}).get("master_late_s", self.master_late_s))
         self._episode.reset(late)
+        if self._shield is not None:
+            self._shield.reset()
         self.agents = self.possible_agents[:]
         if self.render_mode == "human":
             self.render()
@@ -152,6 +161,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
                     f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent
                 )
             commands[self.possible_agents.index(agent)] = read_action(actions[agent], agent)
+        if self._shield is not None:
+            commands = self._shield.commands(commands)
         self._episode.step(commands)
         rows = self.simulation.observe()
         observations, rewards, terminations, truncations, infos = {}, {}, {}, {}, {}
@@ -159,6 +170,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
             i = self.possible_agents.index(agent)
             observations[agent] = rows[i].copy()
             rewards[agent], terminations[agent], truncations[agent], infos[agent] = self._episode.outcome(i)
+            if self._shield is not None:
+                self._shield.report(i, infos[agent], terminations[agent] or truncations[agent])
         self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
         if self.render_mode == "human":
             self.render()

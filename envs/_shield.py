@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
-from typing import final
+from itertools import combinations, permutations
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, feasible, first_orders, stop_table
+from armtempo.envs._simulation import Simulation
 from armtempo.envs._world import World
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import Cell, PassingOrders, Precedence, precedence, schedule
+from armtempo.planners import Cell, Execution, PassingOrders, Precedence, VciExecution, precedence, schedule
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ class Shield:
         self.tables = shield_tables(cell, world, scripted=scripted, plan=plan, tube_m=tube_m)
         self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
         self._world = world
-        self._work = shield_work(cell, len(self.orders))
+        self.work = shield_work(cell, len(self.orders))
         self._ticks = cell.ticks_per_period
         self._planned = plan is not None
         self._scripted = np.zeros(arms, dtype=np.bool_)
@@ -149,7 +150,7 @@ class Shield:
         """
         self._uncertain[:] = uncertain
         places = np.array(lam, dtype=np.float64)
-        if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self._work):
+        if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self.work):
             names = ", ".join(repr(arm.name) for arm in self.cell.arms)
             scripted = self._scripted.any() and not self._planned
             raise InfeasibleError(
@@ -162,10 +163,83 @@ class Shield:
         """(A,) the commands that are let through for the next period; a new array."""
         admit(
             self._world, self.tables, self.orders, lam, mu, commands, self._scripted, self._uncertain, self._ticks,
-            self._admitted, self._work,
+            self._admitted, self.work,
         )  # fmt: skip
         return self._admitted.copy()
 
     def leads_on(self, lam: Array) -> bool:
         """Whether from arms at rest at ``lam`` (A,) the orders as they are lead all arms to their ends."""
         return bool(feasible(self._world, self.tables, self.orders, lam.copy(), np.zeros(len(lam))))
+
+
+def plan_of(cell: Cell, execution: Execution | None) -> Precedence | None:
+    """What the arms of an execution obey; None: nothing, they run at full speed.
+
+    Raises:
+        InputError: It does not say.
+    """
+    if execution is None:
+        return None
+    if isinstance(execution, VciExecution):
+        pairs = combinations(range(len(cell.arms)), 2)
+        lengths = [path.length for path in cell.paths]
+        return Precedence.of_order(lengths, execution.order, {pair: cell.chart_between(*pair) for pair in pairs})
+    plan = getattr(execution, "precedence", None)
+    if not isinstance(plan, Precedence):
+        raise InputError(
+            f"the shield does not know whom {type(execution).__name__} waits for",
+            remedy="give it an attribute 'precedence', a Precedence that its arms obey",
+        )
+    return plan
+
+
+@final
+class EpisodeShield:
+    """A shield over a running simulation, and what it changed.
+
+    Args:
+        simulation: The world of an environment.
+        scripted: See ``Shield``.
+        plan: See ``Shield``.
+        tube_m: See ``shield_tables``.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
+        tube_m: float = 0.0,
+    ) -> None:
+        self._simulation = simulation
+        self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
+        # Plans keep the reserve between two arms: half of it is for each.
+        self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode where the simulation is; raises as ``Shield.reset``."""
+        arms = self._simulation.arms
+        self.shield.reset(self._simulation.lam, self._simulation.uncertain)
+        self._change, self._sum, self._count = np.zeros(arms), np.zeros(arms), np.zeros(arms, dtype=np.int64)
+        self._steps = 0
+
+    def commands(self, commands: Array) -> Array:
+        """(A,) what is let through of the commands for the next period."""
+        admitted = self.shield.admit(self._simulation.lam, self._simulation.mu, commands)
+        self._change = commands - admitted
+        self._sum += self._change
+        self._count += self._change != 0.0
+        self._steps += 1
+        return admitted
+
+    def report(self, i: int, info: dict[str, Any], over: bool) -> None:
+        """Add to arm i's info what was changed in the last period; when it is over, the sums too."""
+        change = float(self._change[i])
+        info["shield"] = {"changed": change != 0.0, "change": change}
+        if self._simulation.physics == "bullet":
+            info["shield_tube_exceeded"] = bool(self._simulation.tracking_error().max() > self._tube)
+        if over:
+            info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])
+            info["shield_change"] = float(self._sum[i])

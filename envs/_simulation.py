@@ -17,7 +17,7 @@ from armtempo.envs._bullet import pybullet
 from armtempo.envs._kernels import control, moved_closer, observe, run_ideal, tip_positions, tracking_error
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
-from armtempo.envs._world import State, pack
+from armtempo.envs._world import State, World, pack
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, Mode, clearance_table
 from armtempo.robots import Arm
@@ -185,6 +185,23 @@ class Simulation:
     def time(self) -> float:
         """Instant [s]."""
         return self._ticks * self._tick
+
+    @property
+    def world(self) -> World:
+        """The cell as compiled loops take it."""
+        return self._world
+
+    @property
+    def uncertain(self) -> NDArray[np.bool_]:
+        """(A,) arms that may do less than they are told in this episode."""
+        return self._late > 0.0
+
+    def tracking_error(self) -> Array:
+        """(A,) how far the tips are from their references now [m]."""
+        error = np.zeros(self.arms)
+        if self.physics == "bullet":
+            tracking_error(self._world, self._state, self._q, error)
+        return error
 
     @property
     def arms(self) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from armtempo.envs._episode import Episode, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._shield import EpisodeShield, plan_of
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
 from armtempo.errors import ActionError, InputError, UnknownNameError
 from armtempo.planners import METHODS, Cell, Execution, Mode, execution_of, schedule
@@ -58,6 +59,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
         max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep an ``EpisodeTrace``.
+        shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
+            ``info["shield"]``. Arms at full speed then pass first everywhere: where that leads on, else make it with
+            ``others="optimal"``.
+        shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
 
     Version history:
         v0: first release.
@@ -77,6 +82,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         master_late_s: float | tuple[float, float] = 0.0,
         max_episode_s: float | None = None,
         record: bool = False,
+        shield: bool = False,
+        shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
         low, high = master_late_s if isinstance(master_late_s, tuple | list) else (master_late_s, master_late_s)
@@ -98,11 +105,24 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._running = self._closed = False
         self._full_speed = np.ones(len(names))
         self._others = _others(self.cell, others, mode)
+        self._shield = self.make_shield(shield_tube_m) if shield else None
 
     @property
     def simulation(self) -> Simulation:
         """The world below: positions, speeds, time."""
         return self._episode.simulation
+
+    @property
+    def learner(self) -> int:
+        """Number of the learning arm."""
+        return self._own
+
+    def make_shield(self, tube_m: float = 0.0) -> EpisodeShield:
+        """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
+        scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
+        return EpisodeShield(
+            self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m
+        )
 
     @property
     def trace(self) -> EpisodeTrace:
@@ -120,6 +140,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         late = np.zeros(len(self.cell.arms))
         late[0] = float((options or {}).get("master_late_s", drawn))
         self._episode.reset(late)
+        if self._shield is not None:
+            self._shield.reset()
         if self._others is not None:
             self._others.reset()
         self._running = True
@@ -142,9 +164,13 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = read_action(action, self.cell.arms[self._own].name)
+        if self._shield is not None:
+            commands = self._shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
         self._running = not (terminated or truncated)
+        if self._shield is not None:
+            self._shield.report(self._own, info, not self._running)
         if self.render_mode == "human":
             self.render()
         return self.simulation.observe()[self._own], reward, terminated, truncated, info
