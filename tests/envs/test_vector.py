@@ -33,7 +33,10 @@ CASES: list[dict[str, Any]] = [
     {"mode": "acceleration", "master_late_s": 0.11},
     {"disturbance": "stop-and-go", "master_late_s": 0.05},
     MANY,
-    {**MANY, "disturbance": Disturbance(late_s=(0.0, 0.1), speed=(0.5, 1.0), stops=(0, 2), stop_s=(0.0, 0.1), arms=(0, 1))},
+    {
+        **MANY,
+        "disturbance": Disturbance(late_s=(0.0, 0.1), speed=(0.5, 1.0), stops=(0, 2), stop_s=(0.0, 0.1), arms=(0, 1)),
+    },
     {"max_episode_s": 0.2, "observation_noise": 0.1},
 ]
 
