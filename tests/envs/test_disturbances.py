@@ -100,9 +100,13 @@ def test_a_slow_arm_is_slow_and_a_stopped_one_stands(lee1991: Cell) -> None:
         env.reset(seed=0)
     for _ in range(120):
         np.testing.assert_array_equal(slow.step(full)[0], plain.step(half)[0])
-    stopped.reset(seed=1)
     simulation = stopped.simulations[0]
-    begin, end = simulation.drawn["stops_s"][0, 0, 0]
+    for seed in range(20):
+        stopped.reset(seed=seed)
+        begin, end = simulation.drawn["stops_s"][0, 0, 0]
+        if 0.03 < begin < 0.15:
+            break
+    assert 0.03 < begin < 0.15
     assert end - begin == pytest.approx(0.05)
     speeds = []
     hold = full.copy()

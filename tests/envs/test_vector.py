@@ -38,6 +38,7 @@ CASES: list[dict[str, Any]] = [
         "disturbance": Disturbance(late_s=(0.0, 0.1), speed=(0.5, 1.0), stops=(0, 2), stop_s=(0.0, 0.1), arms=(0, 1)),
     },
     {"max_episode_s": 0.2, "observation_noise": 0.1},
+    {"shield": True, "start_phase": (0.0, 0.3), "disturbance": "stop-and-go"},
 ]
 
 
@@ -83,6 +84,13 @@ def test_all_arms_have_the_bits_of_single_environments(lee1991: Cell, options: d
             if over:
                 final, last = infos["final_info"], one_infos[running[-1]]
                 assert final["violation"][e] == last["violation"]
+                if "shield" in options:
+                    assert not last["violation"]
+                    assert final["shield_steps"][e] == last["shield_steps"]
+                    for agent in running:
+                        i = agents.index(agent)
+                        assert final["shield_changed"][e, i] == one_infos[agent]["shield_changed"]
+                        assert final["shield_change"][e, i] == pytest.approx(one_infos[agent]["shield_change"])
                 assert np.array_equal(final["arrival_s"][e], env.simulation.arrival, equal_nan=True)
                 ends["violation" if last["violation"] else "arrived" if final["is_success"][e] else "time"] += 1
                 rows, _ = env.reset()
