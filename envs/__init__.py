@@ -14,6 +14,9 @@ from armtempo.envs._ik_observation import ik_entries
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
+from armtempo.envs._shield import EpisodeShield, Shield
+from armtempo.envs._shield_trial import REQUESTS, ShieldTrial, shield_trial
+from armtempo.envs._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
 from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
 from armtempo.envs._vector import CoordinationVectorEnv, YieldingVectorEnv
 from armtempo.envs._yielding import YieldingEnv
@@ -28,6 +31,7 @@ __all__ = [
     "OTHERS",
     "OWN",
     "PHYSICS",
+    "REQUESTS",
     "REWARDS",
     "BatchSimulation",
     "BlendSimulation",
@@ -37,16 +41,22 @@ __all__ = [
     "CoordinationVectorEnv",
     "Disturbance",
     "Entry",
+    "EpisodeShield",
     "EpisodeTrace",
     "MappingName",
     "Physics",
     "Renderer",
+    "Shield",
+    "ShieldParallelWrapper",
+    "ShieldTrial",
+    "ShieldWrapper",
     "Simulation",
     "YieldingEnv",
     "YieldingVectorEnv",
     "coordination_v0",
     "observation_table",
     "share",
+    "shield_trial",
     "ACTION_MODES",
     "ActionMode",
     "FeedbackIKEnv",

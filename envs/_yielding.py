@@ -15,6 +15,7 @@ from armtempo.envs._disturbance import Disturbance, Range, as_range
 from armtempo.envs._episode import Episode, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
+from armtempo.envs._shield import EpisodeShield, plan_of
 from armtempo.envs._simulation import EpisodeTrace, Physics, Simulation
 from armtempo.errors import ActionError, InputError, UnknownNameError
 from armtempo.planners import METHODS, Cell, Execution, Mode, execution_of, schedule
@@ -66,6 +67,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from.
         model_error: In ``bullet``: by what share the simulated bodies are heavier than the plans'.
         friction_error: In ``bullet``: by what share damping and dry friction of the joints are larger.
+        shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
+            ``info["shield"]``. Arms at full speed then pass first everywhere: where that leads on, else make it with
+            ``others="optimal"``.
+        shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
 
     Version history:
         v0: first release.
@@ -90,6 +95,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         start_phase: float | Range = 0.0,
         model_error: float = 0.0,
         friction_error: float = 0.0,
+        shield: bool = False,
+        shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
         as_range(master_late_s, "master_late_s", math.inf)
@@ -108,11 +115,24 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._full_speed = np.ones(len(self.cell.arms))
         named = others is None or isinstance(others, str)
         self._others = next(iter(others_of(self.cell, others, mode, 1)), None) if named else others
+        self._shield = self.make_shield(shield_tube_m) if shield else None
 
     @property
     def simulation(self) -> Simulation:
         """The world below: positions, speeds, time."""
         return self._episode.simulation
+
+    @property
+    def learner(self) -> int:
+        """Number of the learning arm."""
+        return self._own
+
+    def make_shield(self, tube_m: float = 0.0) -> EpisodeShield:
+        """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
+        scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
+        return EpisodeShield(
+            self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m
+        )
 
     @property
     def trace(self) -> EpisodeTrace:
@@ -126,7 +146,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._closed:
             raise InputError("the environment is closed", remedy="make a new one")
         super().reset(seed=seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, options)
+        drawn = self._episode.reset(self.np_random, seed is not None, options, self._shield)
         if self._others is not None:
             self._others.reset()
         self._running = True
@@ -152,9 +172,13 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = read_action(action, self.cell.arms[self._own].name)
+        if self._shield is not None:
+            commands = self._shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
         self._running = not (terminated or truncated)
+        if self._shield is not None:
+            self._shield.report(self._own, info, not self._running)
         if self.render_mode == "human":
             self.render()
         return self.simulation.observe()[self._own], reward, terminated, truncated, info
