@@ -41,6 +41,7 @@ from armtempo.planners._limit_aware import limit_aware_profile
 from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
 from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
 from armtempo.planners._motion_demand import MotionDemand, motion_demand
+from armtempo.planners._passing_orders import PassingOrders, PassingRegion
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_path
 from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
@@ -125,6 +126,8 @@ __all__ = [
     "PosePath",
     "PoseTarget",
     "Poses",
+    "PassingOrders",
+    "PassingRegion",
     "Precedence",
     "PredictorCorrector",
     "PriorityClass",

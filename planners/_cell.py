@@ -117,6 +117,10 @@ class Cell:
         """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``."""
         return self._chart(i, j, self.d_min)
 
+    def chart_at(self, i: int, j: int, clearance: float) -> CoordinationChart:
+        """Coordination chart of arms i and j, first index along path i, at a clearance [m] of your own."""
+        return self._chart(i, j, float(clearance))
+
     @property
     def chart(self) -> CoordinationChart:
         """Coordination chart of the first two arms for planning."""

@@ -80,7 +80,7 @@ def _replay(
     limit: Array,
 ) -> bool:
     """Run steps first..last from the stored state, storing states; whether all stay behind the limit."""
-    scratch = np.empty((0, 3))
+    scratch = np.empty((2, checks))
     for k in range(first, last + 1):
         state[k + 1, 0], state[k + 1, 1], state[k + 1, 2], safe = step(
             rows, edges, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch
@@ -282,13 +282,7 @@ class VelocityControl:
             InfeasibleError: Braking from now on cannot keep the slave behind its masters.
         """
         commands, counts, history = self._solve(masters, lam, mu, record=True)
-        trajectory = self.slave.motion(
-            np.repeat(commands, self.checks),
-            np.full(len(commands) * self.checks, self.period / self.checks),
-            lam,
-            mu,
-            mode=self.mode,
-        )
+        trajectory = self.slave.motion(commands, np.full(len(commands), self.period), lam, mu, mode=self.mode)
         corrections = int(counts[0])
         history = history[:corrections].copy()
         history.setflags(write=False)

@@ -1,0 +1,129 @@
+"""Two million agent steps that mean no good, under the shield: no violation, no deadlock.
+
+The requests are made and run in a compiled loop (``shield_trial``): through ``env.step`` it would take hours. Every
+episode turns to full speed at some instant and must then end within five sequential times.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from armtempo.envs import REQUESTS, CoordinationEnv, ShieldTrial, YieldingEnv, shield_trial
+from armtempo.errors import InfeasibleError
+from armtempo.planners import Cell, benchmark_instances, load_cell, schedule
+
+STEPS = 2_000_000
+BUNDLED = ("lee1991", "mixed-priority", "planar-four", "iiwa-pair", "panda-pair")
+
+
+def _report(cell: Cell, what: str, trial: ShieldTrial, seconds: float) -> None:
+    print(  # noqa: T201
+        f"{cell.name:>24} {what:<12} {trial.steps:>7} agent steps {1e6 * seconds / trial.steps:6.1f} us, "
+        f"changed {100 * trial.changed:5.2f} %, mean change {trial.change:.4f}, "
+        f"violations {trial.violations}, deadlocks {trial.stuck}, clearance {1e3 * trial.clearance:.2f} mm "
+        f"(planned {1e3 * cell.planned_clearance:.2f})",
+        flush=True,
+    )
+
+
+def test_nothing_violates_or_sticks(capsys: pytest.CaptureFixture[str]) -> None:
+    feasible = [instance for instance in benchmark_instances() if instance.labels.status == "feasible"]
+    names: list[str] = [*BUNDLED, *(instance.name for instance in feasible)]
+    builders = [*((lambda n=n: load_cell(n)) for n in BUNDLED), *(instance.build for instance in feasible)]
+    share = STEPS // len(builders) + 1
+    total: Counter[str] = Counter()
+    left_out = []
+    with capsys.disabled():
+        for place, (name, build) in enumerate(zip(names, builders, strict=True)):
+            cell = build()
+            pairs = len(cell.arms) == 2
+            # Half of the steps random, a quarter at full speed, the rest mixed, with and without disturbances.
+            runs = [("random", 0.3, ()), ("persistent", 0.2, ()), ("full", 0.25, ()), ("mixed", 0.15, ())]
+            for requests, part, uncertain in [*runs, ("mixed", 0.1, (place % len(cell.arms),))]:
+                start = time.perf_counter()
+                try:
+                    trial = shield_trial(cell, requests, int(part * share) + 1, seed=place, uncertain=uncertain)
+                except InfeasibleError:
+                    left_out.append(name)
+                    break
+                _report(cell, requests + (" late" if uncertain else ""), trial, time.perf_counter() - start)
+                assert not trial.violations
+                assert not trial.stuck
+                total["steps"] += trial.steps
+                if requests == "full":
+                    bare = shield_trial(cell, requests, 100, shielded=False)
+                    total["collide without"] += bare.violations > 0
+                    try:
+                        best = schedule(cell, "optimal").makespan if pairs else np.nan
+                    except InfeasibleError:
+                        best = np.nan
+                    print(f"{cell.name:>24} full speed ends at {trial.makespan / best:.4f} of the optimum")  # noqa: T201
+        print(f"{dict(total)}, no passing order found: {left_out or 'none'}")  # noqa: T201
+    assert total["collide without"] > len(builders) // 2
+    assert total["steps"] >= STEPS * (1.0 - len(left_out) / len(builders))
+    assert len(left_out) <= len(builders) // 20
+
+
+def test_scripted_arms_that_are_disturbed(capsys: pytest.CaptureFixture[str]) -> None:
+    with capsys.disabled():
+        for name in ("lee1991", "iiwa-pair", "panda-pair"):
+            cell = load_cell(name)
+            for requests in REQUESTS:
+                start = time.perf_counter()
+                trial = shield_trial(cell, requests, 20_000, scripted=(0,), uncertain=(0,))
+                _report(cell, f"{requests} slave", trial, time.perf_counter() - start)
+                assert not trial.violations
+                assert not trial.stuck
+
+
+@pytest.mark.parametrize("name", ["lee1991", "mixed-priority"])
+def test_bullet(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Scripted worst cases in physics: full speed, stop and go, random, with a late master."""
+    cell = load_cell(name)
+    rng = np.random.default_rng(0)
+    steps, episodes, exceeded, smallest = 0, 0, 0, np.inf
+    env = CoordinationEnv(cell, physics="bullet", shield=True)
+    while steps < 10_000:
+        env.reset(options={"master_late_s": 0.1 * (episodes % 2)})
+        kind = REQUESTS[episodes % 4]
+        asked = {agent: np.ones(1, dtype=np.float32) for agent in env.possible_agents}
+        infos: dict[str, dict[str, object]] = {}
+        while env.agents:
+            for agent in env.agents:
+                if kind == "random" or (kind != "full" and rng.random() < 0.1):
+                    level = rng.uniform(-1.0, 1.0) if kind != "bang-bang" else rng.choice([-1.0, 1.0])
+                    asked[agent] = np.array([level], dtype=np.float32)
+            steps += len(env.agents)
+            _, _, terminations, truncations, infos = env.step({agent: asked[agent] for agent in env.agents})
+            exceeded += any(bool(info["shield_tube_exceeded"]) for info in infos.values())
+            assert not env.simulation.violated
+        smallest = min(smallest, env.simulation.min_clearance)
+        episodes += 1
+    env.close()
+    with capsys.disabled():
+        print(  # noqa: T201
+            f"\n{name} in bullet: {steps} agent steps, {episodes} episodes, no violation, smallest clearance "
+            f"{1e3 * smallest:.3f} mm, off the tube in {exceeded} steps"
+        )
+    assert exceeded == 0
+
+
+def test_a_slave_in_bullet_behind_worst_masters(capsys: pytest.CaptureFixture[str]) -> None:
+    cell = load_cell("lee1991")
+    env = YieldingEnv(cell, physics="bullet", shield=True, master_late_s=(0.0, 0.15))
+    steps = 0
+    for episode in range(20):
+        env.reset(seed=episode)
+        over = False
+        while not over:
+            _, _, terminated, truncated, info = env.step(np.ones(1, dtype=np.float32))
+            steps += 1
+            over = terminated or truncated
+        assert info["is_success"]
+    env.close()
+    with capsys.disabled():
+        print(f"\nlee1991 slave in bullet: {steps} steps at full speed behind late masters, no violation")  # noqa: T201
