@@ -10,13 +10,19 @@ from typing import Any, overload
 
 import numpy as np
 
+from armtempo.agents._agent_file import is_agent_name
 from armtempo.agents._baselines import POLICIES, make_policy
+from armtempo.agents._bootstrap import Interval, mean_interval, ratio_interval
 from armtempo.agents._evaluate_blend import BlendEvaluation, evaluate_blend
 from armtempo.agents._evaluate_ik import IKEvaluation, evaluate_ik
+from armtempo.agents._learned import learned_policy
 from armtempo.agents._policy import Policy, chosen_policies
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, IKCell, Mode, Schedule, TargetFamilyName, schedule
+
+ONLINE = ("vci", "delay")
+"""Classical policies that react while they act: learned agents are held against the better of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +32,8 @@ class PolicyResult:
     Attributes:
         plan_makespan_s: Makespan of its plan [s].
         makespan_s: Mean instant at which the last arm arrived [s].
+        makespans_s: That instant in each episode [s]; None where an arm did not arrive or two came too close.
+        makespan_interval_s: 95 % bootstrap interval of the mean [s].
         saving_percent: Share of the sequential time (minimum times added) that it saves.
         gap_percent: How far the simulated makespan is above the certified bound.
         plan_gap_percent: How far that of the plan is.
@@ -37,11 +45,14 @@ class PolicyResult:
         violations: Ticks with a clearance below d_min, all episodes together (an episode ends on its first).
         finished: Episodes in which all arms arrived.
         reward: Mean reward, all arms together.
+        interventions: Share of the decisions that the shield changed; None without a shield.
         planning_time_s: Time to plan [s]; on-line policies plan while they act.
     """
 
     plan_makespan_s: float | None
     makespan_s: float | None
+    makespans_s: tuple[float | None, ...]
+    makespan_interval_s: Interval | None
     saving_percent: float | None
     gap_percent: float | None
     plan_gap_percent: float | None
@@ -53,6 +64,7 @@ class PolicyResult:
     violations: int
     finished: int
     reward: float
+    interventions: float | None
     planning_time_s: float | None
     trace: EpisodeTrace = field(repr=False)
     schedule: Schedule | None = field(repr=False)
@@ -73,6 +85,7 @@ class Evaluation:
         episodes: Episodes per policy.
         seed: Seed of the first episode.
         master_late_s: How late the master started [s].
+        options: Shield, disturbance, observation noise and start phase, where they were asked for.
         results: By policy.
         refused: Policies whose schedule does not exist in this cell, and why.
     """
@@ -83,6 +96,7 @@ class Evaluation:
     episodes: int
     seed: int
     master_late_s: float
+    options: dict[str, Any]
     results: dict[str, PolicyResult]
     refused: dict[str, str]
 
@@ -95,11 +109,49 @@ class Evaluation:
             "episodes": self.episodes,
             "seed": self.seed,
             "master_late_s": self.master_late_s,
+            **self.options,
             "d_min_m": self.cell.d_min,
             "sequential_s": self.cell.sequential_makespan,
             "lower_bound_s": self.cell.lower_bound,
-            "policies": {name: result.to_dict() for name, result in self.results.items()},
+            "best_online": self.best_online,
+            "policies": {name: result.to_dict() | self._against_best(name) for name, result in self.results.items()},
             "refused": self.refused,
+        }
+
+    @property
+    def best_online(self) -> str | None:
+        """The classical on-line policy (``ONLINE``) with the smallest mean makespan, of those always safe and there."""
+        good = [
+            (result.makespan_s, name)
+            for name, result in self.results.items()
+            if name in ONLINE and result.makespan_s is not None and result.finished == self.episodes
+        ]
+        return min(good)[1] if good else None
+
+    def ratio(self, name: str) -> tuple[float, Interval] | None:
+        """A policy's mean makespan over that of ``best_online``, and its 95 % bootstrap interval.
+
+        Over the episodes that both finished; None where there are none.
+        """
+        if self.best_online is None:
+            return None
+        pairs = [
+            (own, best)
+            for own, best in zip(
+                self.results[name].makespans_s, self.results[self.best_online].makespans_s, strict=True
+            )
+            if own is not None and best is not None
+        ]
+        if not pairs:
+            return None
+        own_times, best_times = np.array(pairs).T
+        return float(own_times.mean() / best_times.mean()), ratio_interval(own_times, best_times, self.seed)
+
+    def _against_best(self, name: str) -> dict[str, Any]:
+        ratio = self.ratio(name)
+        return {
+            "ratio_to_best_online": None if ratio is None else ratio[0],
+            "ratio_interval": None if ratio is None else ratio[1],
         }
 
 
@@ -125,6 +177,10 @@ def evaluate(
     physics: Physics = "bullet",
     mode: Mode = "speed",
     master_late_s: float = 0.0,
+    shield: bool = False,
+    disturbance: str | None = None,
+    observation_noise: float = 0.0,
+    start_phase: float | tuple[float, float] = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
 ) -> Evaluation: ...
 @overload
@@ -160,6 +216,10 @@ def evaluate(
     physics: Physics = "bullet",
     mode: Mode = "speed",
     master_late_s: float = 0.0,
+    shield: bool = False,
+    disturbance: str | None = None,
+    observation_noise: float = 0.0,
+    start_phase: float | tuple[float, float] = 0.0,
     family: FamilyName | TargetFamilyName = "given",
     model_error: float = 0.0,
     on_episode: Callable[[str, int], None] | None = None,
@@ -168,13 +228,18 @@ def evaluate(
 
     Args:
         cell: Where; of blend and IK cells ``evaluate_blend`` and ``evaluate_ik`` tell more.
-        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``, ``IK_POLICIES``); None: all of them that have a
+        policies: Names out of ``POLICIES`` (``BLEND_POLICIES``, ``IK_POLICIES``), or of learned agents: ``ppo:NAME``
+            for one that comes with armtempo, ``ppo:path/to/file.npz`` for a file. None: all ``POLICIES`` that have a
             plan here.
         episodes: Episodes per policy; baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up.
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         master_late_s: How long the first arm stands at its start [s].
+        shield: Admit only actions from which all arms can still stop in time and go on.
+        disturbance: Of the first arm, by name: see ``DISTURBANCES``. Every policy meets the same ones.
+        observation_noise: Standard deviation of the noise on what agents see.
+        start_phase: Where on their paths the arms start, as a share: a number, or (lowest, highest).
         family: Of the paths of a blend cell, or the targets of an IK cell.
         model_error: In these: the simulated bodies are heavier by this share than the controller believes.
         on_episode: Called with policy and episode number after each, for progress bars.
@@ -182,10 +247,22 @@ def evaluate(
     Raises:
         UnknownNameError: A policy that does not exist; the message lists those that do.
         InfeasibleError: A named policy has no schedule in this cell.
+        InputError: A learned agent that is for something else, or whose file is damaged.
     """
+    asked: dict[str, Any] = {
+        name: value
+        for name, value in (
+            ("shield", shield),
+            ("disturbance", disturbance),
+            ("observation_noise", observation_noise),
+            ("start_phase", start_phase),
+        )
+        if value
+    }
     if not isinstance(cell, Cell):
-        if mode != "speed" or master_late_s:
-            raise InputError("mode and master_late_s are for cells of several arms", remedy="leave them out")
+        if mode != "speed" or master_late_s or asked:
+            names = ", ".join(("mode", "master_late_s", *asked))
+            raise InputError(f"{names} are for cells of several arms", remedy="leave them out")
         one_arm: Any = evaluate_blend if isinstance(cell, BlendCell) else evaluate_ik
         result: BlendEvaluation | IKEvaluation = one_arm(
             cell,
@@ -201,7 +278,7 @@ def evaluate(
     if family != "given" or model_error:
         raise InputError("family and model_error are for blend cells and ik cells", remedy="leave them out")
     chosen = chosen_policies(policies, POLICIES, episodes)
-    env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True)
+    env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True, **asked)
     try:
         results, refused = {}, {}
         for name in chosen:
@@ -224,6 +301,7 @@ def evaluate(
         episodes=episodes,
         seed=seed,
         master_late_s=master_late_s,
+        options=asked,
         results=results,
         refused=refused,
     )
@@ -239,7 +317,7 @@ def _evaluate_one(
     on_episode: Callable[[str, int], None] | None,
 ) -> PolicyResult:
     cell = env.cell
-    policy = make_policy(name, cell, plan)
+    policy = learned_policy(name, env) if is_agent_name(name) else make_policy(name, cell, plan)
     traces, rewards = [], []
     for episode in range(episodes):
         trace, reward = run_episode(env, policy, seed + episode)
@@ -247,12 +325,15 @@ def _evaluate_one(
         rewards.append(reward)
         if on_episode is not None:
             on_episode(name, episode)
-    makespans = [trace.makespan for trace in traces if math.isfinite(trace.makespan) and not trace.violations]
+    times = [trace.makespan if math.isfinite(trace.makespan) and not trace.violations else None for trace in traces]
+    makespans = [time for time in times if time is not None]
     makespan = float(np.mean(makespans)) if makespans else None
     clearance = min(float(trace.clearance.min()) for trace in traces)
     return PolicyResult(
         plan_makespan_s=plan.makespan if plan is not None else None,
         makespan_s=makespan,
+        makespans_s=tuple(times),
+        makespan_interval_s=mean_interval(makespans, seed) if makespans else None,
         saving_percent=None if makespan is None else 100.0 * (1.0 - makespan / cell.sequential_makespan),
         gap_percent=None if makespan is None else 100.0 * (makespan / cell.lower_bound - 1.0),
         plan_gap_percent=plan.gap_percent if plan is not None else None,
@@ -264,6 +345,7 @@ def _evaluate_one(
         violations=sum(trace.violations for trace in traces),
         finished=len(makespans),
         reward=float(np.mean(rewards)),
+        interventions=None,
         planning_time_s=planning,
         trace=traces[0],
         schedule=plan,

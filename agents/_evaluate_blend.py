@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.agents._agent_file import find_agent, is_agent_name
 from armtempo.agents._blend_baselines import (
     BLEND_POLICIES,
     BlendBaseline,
@@ -18,6 +19,7 @@ from armtempo.agents._blend_baselines import (
     blend_baseline,
     planning_time,
 )
+from armtempo.agents._learned import LearnedOneArmPolicy, check_fits
 from armtempo.agents._policy import chosen_policies, run_to_end
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
 from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand
@@ -140,7 +142,8 @@ def evaluate_blend(
 
     Args:
         cell: Where.
-        policies: Names out of ``BLEND_POLICIES``; None: all of them.
+        policies: Names out of ``BLEND_POLICIES`` or of learned agents (``ppo:path/to/file.npz``); None: all of
+            ``BLEND_POLICIES``.
         episodes: Episodes per policy; on the given path baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up, and every policy meets the same paths.
         physics: ``bullet`` or ``ideal``.
@@ -153,7 +156,7 @@ def evaluate_blend(
     """
     results = {}
     for name in chosen_policies(policies, BLEND_POLICIES, episodes):
-        baseline = blend_baseline(name)
+        baseline = _learned(name) if is_agent_name(name) else blend_baseline(name)
         env = BlendTrackingEnv(
             cell,
             profile=baseline.profile,
@@ -164,6 +167,8 @@ def evaluate_blend(
             record=True,
         )
         try:
+            if is_agent_name(name):
+                check_fits(name, find_agent(name), env, "blend-tracking")
             results[name] = _evaluate_one(env, name, baseline, episodes, seed, on_episode)
         finally:
             env.close()
@@ -175,6 +180,18 @@ def evaluate_blend(
         episodes=episodes,
         seed=seed,
         results=results,
+    )
+
+
+def _learned(name: str) -> BlendBaseline:
+    """A learned agent, with the settings that it was trained in."""
+    agent = find_agent(name)
+    settings = agent.header.settings
+    return BlendBaseline(
+        profile=settings.get("profile", "line-speed"),
+        mapping=settings.get("mapping", "exact"),
+        curve=None,
+        make=lambda: LearnedOneArmPolicy(agent),
     )
 
 

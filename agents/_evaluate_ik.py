@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.agents._ik_baselines import IK_POLICIES, ik_policy
+from armtempo.agents._agent_file import find_agent, is_agent_name
+from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, ik_policy
+from armtempo.agents._learned import LearnedOneArmPolicy, check_fits
 from armtempo.agents._policy import chosen_policies, run_to_end
 from armtempo.envs import FeedbackIKEnv, IKTrace, Physics
 from armtempo.planners import IKCell, TargetFamilyName
@@ -110,7 +112,8 @@ def evaluate_ik(
 
     Args:
         cell: Where.
-        policies: Names out of ``IK_POLICIES``; None: all of them.
+        policies: Names out of ``IK_POLICIES`` or of learned agents (``sac:path/to/file.npz``); None: all of
+            ``IK_POLICIES``.
         episodes: Episodes per policy; on the given target baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up, and every policy meets the same targets.
         physics: ``bullet`` or ``ideal``.
@@ -122,11 +125,21 @@ def evaluate_ik(
         UnknownNameError: A policy or a family that does not exist; the message lists those that do.
     """
     chosen = chosen_policies(policies, IK_POLICIES, episodes)
-    env = FeedbackIKEnv(cell, family=family, physics=physics, model_error=model_error, record=True)
-    try:
-        results = {name: _evaluate_one(env, name, episodes, seed, on_episode) for name in chosen}
-    finally:
-        env.close()
+    results = {}
+    for name in chosen:
+        settings = find_agent(name).header.settings if is_agent_name(name) else {}
+        env = FeedbackIKEnv(
+            cell,
+            action_mode=settings.get("action_mode", "speeds"),
+            family=family,
+            physics=physics,
+            model_error=model_error,
+            record=True,
+        )
+        try:
+            results[name] = _evaluate_one(env, name, episodes, seed, on_episode)
+        finally:
+            env.close()
     return IKEvaluation(
         cell=cell,
         physics=physics,
@@ -138,10 +151,18 @@ def evaluate_ik(
     )
 
 
+def _policy(name: str, env: FeedbackIKEnv) -> IKPolicy:
+    if not is_agent_name(name):
+        return ik_policy(name)
+    agent = find_agent(name)
+    check_fits(name, agent, env, "feedback-ik")
+    return LearnedOneArmPolicy(agent)
+
+
 def _evaluate_one(
     env: FeedbackIKEnv, name: str, episodes: int, seed: int, on_episode: Callable[[str, int], None] | None
 ) -> IKPolicyResult:
-    policy = ik_policy(name)
+    policy = _policy(name, env)
     traces, rewards, succeeded = [], [], 0
     for episode in range(episodes):
         reward, info = run_to_end(env, policy, seed + episode)

@@ -8,6 +8,7 @@ from typing import Any, Protocol, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.agents._agent_file import find_agent, is_agent_name
 from armtempo.envs import BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv
 from armtempo.errors import InputError, UnknownNameError
 
@@ -77,15 +78,17 @@ def to_action(command: float) -> NDArray[np.float32]:
 
 
 def chosen_policies(policies: Sequence[str] | str | None, known: Sequence[str], episodes: int) -> tuple[str, ...]:
-    """The policies that an evaluation is asked for; None: all that are ``known``.
+    """The policies that an evaluation is asked for, ``known`` ones or learned agents; None: all that are ``known``.
 
     Raises:
-        UnknownNameError: A policy that does not exist.
-        InputError: Less than one episode.
+        UnknownNameError: A policy or agent that does not exist.
+        InputError: Less than one episode, or an agent's file that cannot be used.
     """
     chosen = known if policies is None else (policies,) if isinstance(policies, str) else policies
     for name in chosen:
-        if name not in known:
+        if is_agent_name(name):
+            find_agent(name)  # before anything runs
+        elif name not in known:
             raise UnknownNameError("policy", name, known)
     if episodes < 1:
         raise InputError(f"episodes must be at least 1, got {episodes}")

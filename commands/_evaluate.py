@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -39,6 +39,12 @@ def evaluate(
     physics: Literal["bullet", "ideal"] = "bullet",
     mode: Literal["speed", "acceleration"] = "speed",
     master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
+    shield: bool = False,
+    disturbance: Annotated[
+        Literal["none", "late", "slow", "stop-and-go", "any"], tyro.conf.arg(metavar="NAME")
+    ] = "none",
+    observation_noise: Annotated[float, tyro.conf.arg(metavar="SIGMA")] = 0.0,
+    start_phase: Annotated[tuple[float, ...], tyro.conf.arg(metavar="SHARE [SHARE]")] = (),
     family: Literal[
         "given", "polyline", "zigzag", "line-arc", "smooth", "near-singular", "partly-unreachable"
     ] = "given",
@@ -53,12 +59,18 @@ def evaluate(
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
         policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
             offset, interval, optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth,
-            constant, random; in ik cells feedback, feedback-ff, feedback-damped, newton, random.
+            constant, random; in ik cells feedback, feedback-ff, feedback-damped, newton, random. A learned agent is
+            ppo:NAME (one that comes with armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it.
         episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.
         mode: What an action means: a share of the highest safe speed, or of the admissible accelerations.
         master_late: Seconds by which the first arm starts late, which the others do not know.
+        shield: Change actions from which the arms could not all stop in time and go on.
+        disturbance: What happens to the first arm, drawn for every episode: it starts late, is slow, stops and goes.
+        observation_noise: Standard deviation of the noise on what agents see.
+        start_phase: Where on their paths the arms start, as a share: one number, or the lowest and the highest of a
+            range to draw from.
         family: Paths of a blend cell (polyline, zigzag, line-arc) or targets of an ik cell (smooth, near-singular,
             partly-unreachable): the given one, or as many random ones as there are episodes.
         model_error: In a blend or ik cell: the simulated bodies are heavier by this share than the controller believes.
@@ -66,14 +78,15 @@ def evaluate(
         out: Folder for the PNG files.
         figures: Draw pictures.
     """
-    _check_numbers(episodes, seed, master_late)
+    _check_numbers(episodes, seed, master_late, observation_noise, start_phase)
+    coordination = _asked(shield, disturbance, observation_noise, start_phase)
     output = Output(json_file)
     built = open_any_cell(cell, output)
     from armtempo import agents
     from armtempo.planners import BlendCell, Cell
 
     if not isinstance(built, Cell):
-        _check_one_arm_options(built, physics, mode, master_late, model_error, family)
+        _check_one_arm_options(built, physics, mode, master_late, model_error, family, coordination)
         from armtempo.commands._evaluate_one_arm import evaluate_one_arm
 
         if isinstance(built, BlendCell):
@@ -102,6 +115,7 @@ def evaluate(
             mode=mode,
             master_late_s=master_late,
             on_episode=on_episode,
+            **coordination,
         )
     _tabulate(result, output, master_late)
     output.json(result.to_dict())
@@ -114,24 +128,54 @@ def evaluate(
         output.pictures(folder, draw(drawn, folder, output))
 
 
-def _check_numbers(episodes: int, seed: int, master_late: float) -> None:
+def _check_numbers(
+    episodes: int, seed: int, master_late: float, observation_noise: float, start_phase: tuple[float, ...]
+) -> None:
     if episodes < 1:
         raise ArmtempoError(f"--episodes must be at least 1, got {episodes}", remedy="try --episodes 1")
     if seed < 0:
         raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
-    if not (math.isfinite(master_late) and master_late >= 0.0):
+    for option, value, example in (
+        ("--master-late must be a number of seconds", master_late, "0.1"),
+        ("--observation-noise must be a number", observation_noise, "0.01"),
+    ):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ArmtempoError(f"{option}, 0 or more, got {value}", remedy=f"try {example}")
+    shares = all(0.0 <= share < 1.0 for share in start_phase)
+    if len(start_phase) > 2 or not shares or list(start_phase) != sorted(start_phase):
         raise ArmtempoError(
-            f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
+            f"--start-phase must be one share of a path from 0 to below 1, or the ends of a range, got {start_phase}",
+            remedy="try --start-phase 0 0.3",
         )
 
 
+def _asked(shield: bool, disturbance: str, observation_noise: float, start_phase: tuple[float, ...]) -> dict[str, Any]:
+    """Options of cells of several arms, as ``agents.evaluate`` takes them, where they were given."""
+    options: dict[str, Any] = {
+        "shield": shield,
+        "disturbance": None if disturbance == "none" else disturbance,
+        "observation_noise": observation_noise,
+        "start_phase": start_phase[0] if len(start_phase) == 1 else start_phase,
+    }
+    return {name: value for name, value in options.items() if value}
+
+
 def _check_one_arm_options(
-    cell: BlendCell | IKCell, physics: str, mode: str, master_late: float, model_error: float, family: str
+    cell: BlendCell | IKCell,
+    physics: str,
+    mode: str,
+    master_late: float,
+    model_error: float,
+    family: str,
+    coordination: Mapping[str, Any],
 ) -> None:
     from armtempo.planners import PATH_FAMILIES, TARGET_FAMILIES, BlendCell
 
     if mode != "speed" or master_late:
         raise ArmtempoError("--mode and --master-late are for cells of several arms", remedy="leave them out")
+    if coordination:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in coordination)
+        raise ArmtempoError(f"{names}: for cells of several arms", remedy="leave them out")
     if model_error and physics == "ideal":
         raise ArmtempoError("--model-error needs bodies, and --physics ideal has none", remedy="take --physics bullet")
     known = PATH_FAMILIES if isinstance(cell, BlendCell) else TARGET_FAMILIES
@@ -150,6 +194,8 @@ def _finished(results: Mapping[str, PolicyResult]) -> dict[str, PolicyResult]:
 def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> None:
     cell, results = evaluation.cell, evaluation.results
     late = f"; master late by {1e3 * master_late:g} ms" if master_late else ""
+    late += "".join(f"; {_said(name, value)}" for name, value in evaluation.options.items())
+    late += f"; {evaluation.episodes} episodes" if evaluation.episodes > 1 else ""
     table = new_table(
         f"{cell.name} in simulation ({evaluation.physics}, tick {1e3 * cell.physics_tick:g} ms, "
         f"decision every {1e3 * cell.control_period:g} ms{late})",
@@ -158,9 +204,15 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
     )
     table.add_column("policy", no_wrap=True)
     roomy = output.console.width >= NARROW
-    heads = ["plan\n\\[s]", "simul.\n\\[s]", "saving\n\\[%]", "gap\n\\[%]", "clear.\n\\[mm]", "torque\n\\[x limit]"]
-    heads += ["demand\n\\[x limit]", "clipped\n\\[%]"] if roomy else []
-    for head in [*heads, "path\nerr. \\[mm]", "too close\n\\[ticks]"]:
+    several, best_online = evaluation.episodes > 1, evaluation.best_online
+    heads = ["plan\n\\[s]", "simul.\n\\[s]"]
+    heads += ["95 %\nof mean"] if several else []
+    heads += [f"ratio to\n{best_online}"] if several and best_online else []
+    heads += ["saving\n\\[%]", "gap\n\\[%]", "clear.\n\\[mm]", "torque\n\\[x limit]"]
+    heads += ["demand\n\\[x limit]", "clipped\n\\[%]"] if roomy and not several else []
+    shielded = any(r.interventions is not None for r in results.values())
+    heads += ["path\nerr. \\[mm]", "too close\n\\[ticks]"] + (["shield\n\\[% changed]"] if shielded else [])
+    for head in heads:
         table.add_column(head, justify="right")
     good = _finished(results)
     best = min((r.makespan_s for r in good.values() if r.makespan_s is not None), default=0.0)
@@ -171,14 +223,17 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
             name,
             number(r.plan_makespan_s, 4 if roomy else 3),
             number(r.makespan_s, 4 if roomy else 3),
+            *([_interval(r.makespan_interval_s, 4)] if several else []),
+            *([_ratio(evaluation, name)] if several and best_online else []),
             number(r.saving_percent, 1),
             number(r.gap_percent, 2),
             f"[red]{clearance}[/]" if r.violations else clearance,
             number(r.torque_ratio_max, 3),
         ]
-        if roomy:
+        if roomy and not several:
             row += [number(r.torque_demand_ratio_max, 3), number(r.torque_clipped_fraction, 1, 100.0)]
         row += [number(r.path_error_max_m, 3, 1e3), f"[bold red]{r.violations}[/]" if r.violations else "0"]
+        row += [number(r.interventions, 2, 100.0)] if shielded else []
         table.add_row(*row, style="bold" if bold else None)
     for name in evaluation.refused:
         table.add_row(name, "none", *["–"] * (len(table.columns) - 2))
@@ -186,6 +241,24 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
     output.say(reading(evaluation))
     for name, why in evaluation.refused.items():
         output.say(f"{name} has no plan: {why}")
+
+
+def _said(name: str, value: Any) -> str:
+    """An option of the evaluation in the words of the command."""
+    what = name.replace("_", " ")
+    if value is True:
+        return what
+    return f"{what} {' to '.join(f'{v:g}' for v in value) if isinstance(value, tuple) else value}"
+
+
+def _interval(interval: tuple[float, float] | None, digits: int) -> str:
+    return "–" if interval is None else f"{interval[0]:.{digits}f}–{interval[1]:.{digits}f}"
+
+
+def _ratio(evaluation: Evaluation, name: str) -> str:
+    """Ratio to the best on-line classical policy and its interval."""
+    ratio = evaluation.ratio(name)
+    return "–" if ratio is None else f"{ratio[0]:.3f} ({_interval(ratio[1], 3)})"
 
 
 def reading(evaluation: Evaluation) -> str:

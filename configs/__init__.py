@@ -1,4 +1,4 @@
-"""Cell files: what a cell is made of, checked and typed. Schemas and data only."""
+"""Cell files and training files: what they say, checked and typed. Schemas and data only."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from armtempo.configs._load import (
     resolve_file,
     robot_config,
 )
+from armtempo.configs._load_train import bundled_trainings, load_train_config, parse_train_config
 from armtempo.configs._schema import (
     AnyCellConfig,
     ArcConfig,
@@ -42,8 +43,35 @@ from armtempo.configs._schema import (
     TimedPoseConfig,
     ToolConfig,
 )
+from armtempo.configs._train_schema import (
+    BenchmarkFilter,
+    BlendTraining,
+    CoordinationTraining,
+    DisturbanceConfig,
+    EvaluationConfig,
+    IKTraining,
+    NetworkConfig,
+    PPOConfig,
+    SACConfig,
+    TQCConfig,
+    TrainConfig,
+)
 
 __all__ = [
+    "BenchmarkFilter",
+    "BlendTraining",
+    "CoordinationTraining",
+    "DisturbanceConfig",
+    "EvaluationConfig",
+    "IKTraining",
+    "NetworkConfig",
+    "PPOConfig",
+    "SACConfig",
+    "TQCConfig",
+    "TrainConfig",
+    "bundled_trainings",
+    "load_train_config",
+    "parse_train_config",
     "AnyCellConfig",
     "ArcConfig",
     "ArmConfig",

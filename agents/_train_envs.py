@@ -1,0 +1,172 @@
+"""The environments of a training, made from its configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from armtempo.configs import (
+    BenchmarkFilter,
+    BlendTraining,
+    CoordinationTraining,
+    TrainConfig,
+    load_cell_config,
+)
+from armtempo.envs import BLEND_ENTRIES, ENTRIES, BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv, YieldingEnv, ik_entries
+from armtempo.errors import InputError
+from armtempo.planners import BlendCell, Cell, IKCell, benchmark_instances, build_cell
+
+AnyCell = Cell | BlendCell | IKCell
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Workplace:
+    """Where a training happens.
+
+    Attributes:
+        cells: The cells.
+        environment: Name of the environment.
+        settings: What it is made with, but for the cell and what disturbs an episode.
+        disturbed: Options of coordination that differ from episode to episode.
+    """
+
+    config: TrainConfig
+    cells: tuple[AnyCell, ...]
+    environment: str
+    settings: dict[str, Any]
+    disturbed: dict[str, Any]
+
+    @property
+    def entries(self) -> list[str]:
+        """Names of the observation's entries."""
+        if self.environment == "coordination":
+            return [entry.name for entry in ENTRIES]
+        if self.environment == "blend-tracking":
+            return [entry.name for entry in BLEND_ENTRIES]
+        cell = self.cells[0]
+        assert isinstance(cell, IKCell)
+        return [entry.name for entry in ik_entries(cell.arm.dof)]
+
+    def single(self, cell: AnyCell, *, disturbed: bool = True) -> Any:
+        """One environment in a cell, as evaluations run it."""
+        options = self.settings | (self.disturbed if disturbed else {})
+        make: Any = {
+            "coordination": CoordinationEnv,
+            "blend-tracking": BlendTrackingEnv,
+            "feedback-ik": FeedbackIKEnv,
+        }[self.environment]
+        return make(cell, record=True, **options)
+
+
+def workplace(config: TrainConfig) -> Workplace:
+    """Build the cells of a training.
+
+    Raises:
+        ArmtempoError: A cell that cannot be used, or none is left by the filter.
+    """
+    chosen = config.environment
+    settings: dict[str, Any]
+    if isinstance(chosen, CoordinationTraining):
+        settings = {"physics": chosen.physics, "mode": chosen.mode}
+        if chosen.shield:
+            settings["shield"] = True
+        return Workplace(
+            config=config,
+            cells=_coordination_cells(chosen, config.source),
+            environment="coordination",
+            settings=settings,
+            disturbed=_disturbed(chosen),
+        )
+    cell = build_cell(load_cell_config(_beside(config.source, chosen.cell)))
+    settings = {"family": chosen.family, "physics": chosen.physics, "model_error": chosen.model_error}
+    if isinstance(chosen, BlendTraining):
+        settings |= {"profile": chosen.profile, "mapping": chosen.mapping}
+        environment: str = "blend-tracking"
+    else:
+        settings |= {"action_mode": chosen.action_mode}
+        environment = "feedback-ik"
+    wanted = BlendCell if isinstance(chosen, BlendTraining) else IKCell
+    if not isinstance(cell, wanted):
+        raise InputError(f"{chosen.cell}: not a cell of {environment}", remedy="name a cell of its kind")
+    return Workplace(config=config, cells=(cell,), environment=environment, settings=settings, disturbed={})
+
+
+def _beside(source: Path, name: str) -> str | Path:
+    """A cell file beside the training's, or a bundled name."""
+    path = source.parent / Path(name).expanduser()
+    return path if path.suffix in (".yaml", ".yml") and path.is_file() else name
+
+
+def _coordination_cells(chosen: CoordinationTraining, source: Path) -> tuple[Cell, ...]:
+    if chosen.benchmark is not None:
+        configs = [instance.config for instance in _instances(chosen.benchmark)]
+    else:
+        configs = [load_cell_config(_beside(source, name)) for name in chosen.cells or ()]
+    if chosen.control_period_s is not None:
+        configs = [config.model_copy(update={"control_period_s": chosen.control_period_s}) for config in configs]
+    cells = tuple(build_cell(config) for config in configs)
+    for cell in cells:
+        if not isinstance(cell, Cell):
+            raise InputError(f"cell {cell.name!r} has one arm", remedy="use blend_tracking or feedback_ik for it")
+    return cells
+
+
+def _instances(wanted: BenchmarkFilter) -> Sequence[Any]:
+    found = [
+        instance
+        for instance in benchmark_instances(wanted.split, family=wanted.family)
+        if instance.labels.status == "feasible"
+        and wanted.priority_class in (None, instance.labels.priority_class)
+    ]
+    if not found:
+        raise InputError("coordination.benchmark: no cell of the set is so", remedy="ask for less")
+    return found[: wanted.most]
+
+
+def _disturbed(chosen: CoordinationTraining) -> dict[str, Any]:
+    options: dict[str, Any] = {}
+    if chosen.disturbance is not None:
+        options["disturbance"] = chosen.disturbance
+    if chosen.custom_disturbance is not None:
+        from armtempo.envs import Disturbance
+
+        options["disturbance"] = Disturbance(**chosen.custom_disturbance.model_dump())
+    if chosen.observation_noise:
+        options["observation_noise"] = chosen.observation_noise
+    if any(chosen.start_phase):
+        options["start_phase"] = chosen.start_phase
+    return options
+
+
+def training_env(place: Workplace) -> Any:
+    """The ``VecEnv`` that a training steps: batched where the physics are ideal, else one environment after another."""
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    from armtempo.agents._batch_vec_env import BatchVecEnv
+    from armtempo.agents._parallel_vec_env import ParallelVecEnv
+
+    config, chosen, cells = place.config, place.config.environment, place.cells
+    if isinstance(chosen, CoordinationTraining) and chosen.physics == "ideal":
+        return BatchVecEnv.of(
+            cells, config.num_envs, learners=chosen.learners, reward=chosen.reward,
+            mode=chosen.mode, shield=chosen.shield, **place.disturbed,
+        )  # fmt: skip
+    turn = iter(range(config.num_envs))
+
+    def next_cell() -> AnyCell:
+        return cells[next(turn) % len(cells)]
+
+    options: dict[str, Any] = place.settings | place.disturbed
+    if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":
+        return ParallelVecEnv(lambda: CoordinationEnv(next_cell(), **options), config.num_envs)  # type: ignore[arg-type]
+    one: Callable[[], Any]
+    if isinstance(chosen, CoordinationTraining):
+        one = lambda: Monitor(YieldingEnv(next_cell(), others="phase-plane", **options))  # type: ignore[arg-type]  # noqa: E731
+    elif isinstance(chosen, BlendTraining):
+        one = lambda: Monitor(BlendTrackingEnv(next_cell(), **options))  # type: ignore[arg-type]  # noqa: E731
+    else:
+        one = lambda: Monitor(FeedbackIKEnv(next_cell(), **options))  # type: ignore[arg-type]  # noqa: E731
+    return DummyVecEnv([one] * config.num_envs)
