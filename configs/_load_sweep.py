@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from armtempo.configs._load import _DATA, _closest, _config_error, _parse_yaml, _shown
 from armtempo.configs._load_train import bundled_trainings, load_train_config, parse_train_config
-from armtempo.configs._sweep_schema import SweepConfig, Value
+from armtempo.configs._sweep_schema import SweepConfig, SweepValue
 from armtempo.configs._train_schema import TrainConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
@@ -60,7 +60,7 @@ def load_sweep_config(name_or_path: str | Path) -> SweepConfig:
     return sweep
 
 
-def trial_training(sweep: SweepConfig, values: Mapping[str, Value]) -> TrainConfig:
+def trial_training(sweep: SweepConfig, values: Mapping[str, SweepValue]) -> TrainConfig:
     """The sweep's training with these values, by dotted key, and the length of a trial.
 
     Raises:
@@ -80,7 +80,7 @@ def _training_of(sweep: SweepConfig) -> str | Path:
     return sweep.training if sweep.training in bundled_trainings() else beside
 
 
-def _put(data: dict[str, Any], key: str, value: Value) -> None:
+def _put(data: dict[str, Any], key: str, value: SweepValue) -> None:
     *folders, last = key.split(".")
     for folder in folders:
         inner = data.setdefault(folder, {})
@@ -90,7 +90,7 @@ def _put(data: dict[str, Any], key: str, value: Value) -> None:
     data[last] = value
 
 
-def _end(sweep: SweepConfig, key: str, which: int) -> Value:
+def _end(sweep: SweepConfig, key: str, which: int) -> SweepValue:
     searched = sweep.space[key]
     if searched.choices is not None:
         return plain_number(searched.choices[which])
@@ -99,6 +99,6 @@ def _end(sweep: SweepConfig, key: str, which: int) -> Value:
     return int(value) if searched.integer else value
 
 
-def plain_number(value: float) -> Value:
+def plain_number(value: float) -> SweepValue:
     """A whole number as an int, so that keys that want one take it; it makes no difference to those that do not."""
     return int(value) if float(value).is_integer() else value

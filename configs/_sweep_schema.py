@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from armtempo.configs._schema import CellTitle, Real, _Model
 
-Value = float | int
+SweepValue = float | int
 NumberKey = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*$")]
 
 

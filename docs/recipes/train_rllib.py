@@ -101,9 +101,7 @@ def main() -> None:
         ray.init(address=given.address)
     else:
         ray.init(num_cpus=given.workers + 1, include_dashboard=False)
-    config = make_config(
-        given.cell, workers=given.workers, steps=given.steps, physics=given.physics, seed=given.seed
-    )
+    config = make_config(given.cell, workers=given.workers, steps=given.steps, physics=given.physics, seed=given.seed)
     algorithm = config.build_algo()
     if given.resume:
         algorithm.restore_from_path(str(given.resume.resolve()))
