@@ -38,7 +38,9 @@ from armtempo.agents._policy import Actions, Observations, Policy, RandomActions
 from armtempo.agents._sweep import Objective, SweepTrial, sweep
 
 if TYPE_CHECKING:
+    from armtempo.agents._batch_vec_env import BatchVecEnv
     from armtempo.agents._parallel_vec_env import ParallelVecEnv
+    from armtempo.agents._train import Training, train
 
 __all__ = [
     "BLEND_POLICIES",
@@ -78,7 +80,10 @@ __all__ = [
     "ik_policy",
     "RandomActions",
     "SingleArmPolicy",
+    "BatchVecEnv",
     "ParallelVecEnv",
+    "Training",
+    "train",
     "Agent",
     "AgentHeader",
     "LearnedOneArmPolicy",

@@ -52,3 +52,98 @@ class BatchVecEnv(VecEnv):
         arms = len(cells[0].arms)
         mine = (arms - 1,) if learners == "last" else tuple(range(arms))
         return cls(CoordinationVectorEnv(list(cells), num_envs, learners=mine, **options), mine)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next reset: episode e gets seed + e; None: something random."""
+        drawn = int(np.random.default_rng().integers(2**31)) if seed is None else seed
+        self._seeds = [drawn + row // len(self.learners) for row in range(self.num_envs)]
+        return self._seeds
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all episodes; uses up the seeds."""
+        observations, _ = self.batch.reset(seed=self._seeds[0])
+        self._reset_seeds()
+        self._returns[:], self._steps[:] = 0.0, 0
+        return self._rows(observations)
+
+    def _rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(E, A, ...) to (E L, ...), a copy."""
+        mine = values[:, self.learners]
+        return np.ascontiguousarray(mine.reshape(-1, *mine.shape[2:]))
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions (rows, 1) for ``step_wait``."""
+        self._actions[:, self.learners] = actions.reshape(self.episodes, -1, 1)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step the batch; episodes that have ended begin again."""
+        observations, rewards, _, truncated, told = self.batch.step(self._actions)
+        self._returns += rewards[:, self.learners]
+        self._steps += 1
+        infos = [self._nothing] * self.num_envs  # one object: nobody writes to infos of running episodes
+        ended = np.asarray(told.get("_final_obs", np.zeros(self.episodes, dtype=np.bool_)))
+        if ended.any():
+            self._finish(np.flatnonzero(ended), truncated, told, infos)
+        dones = np.repeat(ended, len(self.learners))
+        return self._rows(observations), self._rows(rewards).astype(np.float32), dones, infos
+
+    def _finish(
+        self, ended: NDArray[np.int64], truncated: NDArray[np.bool_], told: dict[str, Any], infos: list[dict[str, Any]]
+    ) -> None:
+        """Tell the rows of these episodes about their end."""
+        final, last = told["final_info"], told["final_obs"]
+        L, seconds = len(self.learners), round(time.perf_counter() - self._began, 6)
+        for e in ended:
+            for k, arm in enumerate(self.learners):
+                infos[e * L + k] = {
+                    "terminal_observation": np.array(last[e][arm]),
+                    "TimeLimit.truncated": bool(truncated[e, arm]),
+                    "is_success": bool(final["is_success"][e]),
+                    "violation": bool(final["violation"][e]),
+                    "makespan_s": float(final["makespan_s"][e]),
+                    "episode": {"r": float(self._returns[e, k]), "l": int(self._steps[e]), "t": seconds},
+                }
+            self._returns[e], self._steps[e] = 0.0, 0
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """All that a batch continues from, exactly."""
+        mine = {"vec.returns": self._returns.copy(), "vec.steps": self._steps.copy()}
+        return {**{f"batch.{name}": array for name, array in self.batch.get_state().items()}, **mine}
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Continue from there."""
+        self._returns[:], self._steps[:] = state["vec.returns"], state["vec.steps"]
+        self.batch.set_state(
+            {name.removeprefix("batch."): array for name, array in state.items() if name.startswith("batch.")}
+        )
+
+    def close(self) -> None:
+        """Close the batch."""
+        self.batch.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute, of this or of the batch, for each row."""
+        value = getattr(self if attr_name == "render_mode" else self.batch, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the batch."""
+        setattr(self.batch, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method of the batch, once; its result for each row."""
+        result = getattr(self.batch, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """A batch has no Gymnasium wrappers."""
+        return [False for _ in self._get_indices(indices)]
+
+
+def _last_axis(box: Box) -> Box:
+    """The space of one arm out of that of all arms (A, n)."""
+    return box if box.low.ndim == 1 else Box(box.low[0], box.high[0], dtype=np.float32)

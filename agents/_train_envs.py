@@ -9,12 +9,23 @@ from typing import Any
 
 from armtempo.configs import (
     BenchmarkFilter,
+    BlendCellConfig,
     BlendTraining,
+    CellConfig,
     CoordinationTraining,
+    IKCellConfig,
     TrainConfig,
     load_cell_config,
 )
-from armtempo.envs import BLEND_ENTRIES, ENTRIES, BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv, YieldingEnv, ik_entries
+from armtempo.envs import (
+    BLEND_ENTRIES,
+    ENTRIES,
+    BlendTrackingEnv,
+    CoordinationEnv,
+    FeedbackIKEnv,
+    YieldingEnv,
+    ik_entries,
+)
 from armtempo.errors import InputError
 from armtempo.planners import BlendCell, Cell, IKCell, benchmark_instances, build_cell
 
@@ -79,17 +90,17 @@ def workplace(config: TrainConfig) -> Workplace:
             settings=settings,
             disturbed=_disturbed(chosen),
         )
-    cell = build_cell(load_cell_config(_beside(config.source, chosen.cell)))
     settings = {"family": chosen.family, "physics": chosen.physics, "model_error": chosen.model_error}
+    source = _beside(config.source, chosen.cell)
+    cell: AnyCell
     if isinstance(chosen, BlendTraining):
+        cell = build_cell(load_cell_config(source, BlendCellConfig))
         settings |= {"profile": chosen.profile, "mapping": chosen.mapping}
-        environment: str = "blend-tracking"
+        environment = "blend-tracking"
     else:
+        cell = build_cell(load_cell_config(source, IKCellConfig))
         settings |= {"action_mode": chosen.action_mode}
         environment = "feedback-ik"
-    wanted = BlendCell if isinstance(chosen, BlendTraining) else IKCell
-    if not isinstance(cell, wanted):
-        raise InputError(f"{chosen.cell}: not a cell of {environment}", remedy="name a cell of its kind")
     return Workplace(config=config, cells=(cell,), environment=environment, settings=settings, disturbed={})
 
 
@@ -103,22 +114,17 @@ def _coordination_cells(chosen: CoordinationTraining, source: Path) -> tuple[Cel
     if chosen.benchmark is not None:
         configs = [instance.config for instance in _instances(chosen.benchmark)]
     else:
-        configs = [load_cell_config(_beside(source, name)) for name in chosen.cells or ()]
+        configs = [load_cell_config(_beside(source, name), CellConfig) for name in chosen.cells or ()]
     if chosen.control_period_s is not None:
         configs = [config.model_copy(update={"control_period_s": chosen.control_period_s}) for config in configs]
-    cells = tuple(build_cell(config) for config in configs)
-    for cell in cells:
-        if not isinstance(cell, Cell):
-            raise InputError(f"cell {cell.name!r} has one arm", remedy="use blend_tracking or feedback_ik for it")
-    return cells
+    return tuple(build_cell(config) for config in configs)
 
 
 def _instances(wanted: BenchmarkFilter) -> Sequence[Any]:
     found = [
         instance
         for instance in benchmark_instances(wanted.split, family=wanted.family)
-        if instance.labels.status == "feasible"
-        and wanted.priority_class in (None, instance.labels.priority_class)
+        if instance.labels.status == "feasible" and wanted.priority_class in (None, instance.labels.priority_class)
     ]
     if not found:
         raise InputError("coordination.benchmark: no cell of the set is so", remedy="ask for less")
@@ -149,9 +155,16 @@ def training_env(place: Workplace) -> Any:
     from armtempo.agents._parallel_vec_env import ParallelVecEnv
 
     config, chosen, cells = place.config, place.config.environment, place.cells
-    if isinstance(chosen, CoordinationTraining) and chosen.physics == "ideal":
+    from armtempo import envs
+
+    if (
+        isinstance(chosen, CoordinationTraining)
+        and chosen.physics == "ideal"
+        and hasattr(envs, "CoordinationVectorEnv")
+    ):
+        arms = [cell for cell in cells if isinstance(cell, Cell)]
         return BatchVecEnv.of(
-            cells, config.num_envs, learners=chosen.learners, reward=chosen.reward,
+            arms, config.num_envs, learners=chosen.learners, reward=chosen.reward,
             mode=chosen.mode, shield=chosen.shield, **place.disturbed,
         )  # fmt: skip
     turn = iter(range(config.num_envs))

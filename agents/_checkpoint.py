@@ -1,0 +1,181 @@
+"""Checkpoints: all that a training goes on from, exactly, in one file that is written whole or not at all.
+
+They are torch files that are read with ``weights_only=True``: tensors, numbers and texts, nothing that could run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.save_util import recursive_getattr, recursive_setattr
+
+from armtempo.errors import InputError
+from armtempo.files import whole_file
+
+FORMAT = "armtempo checkpoint"
+VERSION = 1
+_REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def save_checkpoint(path: Path, model: Any, config: str, curve: list[dict[str, Any]]) -> None:
+    """Write where a training stands, between two rollouts.
+
+    The environments go on from their state where they have one (``get_state``); where not, their episodes are cut off
+    here and begin anew from a seed, whether the training is resumed or just goes on.
+
+    Args:
+        path: The file.
+        model: The algorithm.
+        config: What it was made from; a training is resumed from the same alone.
+        curve: Rows of the learning curve so far.
+    """
+    env = model.env
+    state = env.get_state() if hasattr(env, "get_state") else None
+    if state is None:
+        _begin_anew(model)
+    _, names = model._get_torch_save_params()
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        "config": config,
+        "curve": json.dumps(curve),
+        "parameters": model.get_parameters(),
+        "variables": {name: recursive_getattr(model, name).detach().clone() for name in names},
+        "counters": {
+            "num_timesteps": int(model.num_timesteps),
+            "n_updates": int(model._n_updates),
+            "episode_num": int(model._episode_num),
+            "progress": float(model._current_progress_remaining),
+        },
+        "episodes": json.dumps([list(model.ep_info_buffer or ()), [bool(s) for s in model.ep_success_buffer or ()]]),
+        "last_obs": _pack(model._last_obs),
+        "episode_starts": _pack(model._last_episode_starts),
+        "env": None if state is None else {name: _pack(array) for name, array in state.items()},
+        "replay": _replay(model),
+        "torch_random": torch.get_rng_state(),
+        "random": json.dumps(_random_states(model)),
+    }
+    with whole_file(path) as temporary:
+        torch.save(content, temporary)
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """The contents of a checkpoint.
+
+    Raises:
+        InputError: There is none, it is damaged, or of another version.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no checkpoint", remedy="train without --resume first, or give the right --output")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises anything for files that are not its own
+        raise InputError(
+            f"{path}: not a checkpoint, or a damaged one: {' '.join(str(error).split())[:80]}",
+            remedy="delete it and train again from the start",
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path}: not a checkpoint of armtempo", remedy="delete it and train again from the start")
+    if content.get("version") != VERSION:
+        raise InputError(
+            f"{path}: a checkpoint of version {content.get('version')}, and this armtempo reads version {VERSION}",
+            remedy="resume with the armtempo that wrote it, or train again from the start",
+        )
+    return content
+
+
+def restore(path: Path, content: dict[str, Any], model: Any, config: str) -> list[dict[str, Any]]:
+    """Put a new model of the same configuration where the checkpoint stood; returns the curve so far.
+
+    Raises:
+        InputError: It is of another configuration, or its contents do not fit.
+    """
+    if content.get("config") != config:
+        raise InputError(
+            f"{path}: made from another configuration or seed",
+            remedy="resume with the file and seed it was made from, or give another --output",
+        )
+    try:
+        return _restore(content, model)
+    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: a checkpoint that does not fit: {' '.join(str(error).split())[:80]}",
+            remedy="delete it and train again from the start",
+        ) from error
+
+
+def _restore(content: dict[str, Any], model: Any) -> list[dict[str, Any]]:
+    model.set_parameters(content["parameters"], exact_match=True, device="cpu")
+    for name, value in content["variables"].items():
+        recursive_setattr(model, f"{name}.data", value)
+    counters = content["counters"]
+    model.num_timesteps, model._n_updates = counters["num_timesteps"], counters["n_updates"]
+    model._episode_num, model._current_progress_remaining = counters["episode_num"], counters["progress"]
+    episodes, successes = json.loads(content["episodes"])
+    window = model._stats_window_size
+    model.ep_info_buffer, model.ep_success_buffer = deque(episodes, maxlen=window), deque(successes, maxlen=window)
+    if content["env"] is None:
+        _begin_anew(model)
+    else:
+        model.env.reset()
+        model.env.set_state({name: _unpack(packed) for name, packed in content["env"].items()})
+    model._last_obs = _unpack(content["last_obs"])
+    model._last_episode_starts = _unpack(content["episode_starts"])
+    if content["replay"] is not None:
+        _restore_replay(model.replay_buffer, content["replay"])
+    curve: list[dict[str, Any]] = json.loads(content["curve"])
+    torch.set_rng_state(content["torch_random"])
+    general, of_actions = json.loads(content["random"])
+    general["state"]["key"] = np.array(general["state"]["key"], dtype=np.uint32)
+    np.random.set_state(general)  # noqa: NPY002 - stable-baselines3 draws from it
+    model.action_space.np_random.bit_generator.state = of_actions
+    return curve
+
+
+def _begin_anew(model: Any) -> None:
+    """Cut all episodes off; the new ones' seed comes from the training's and from how far it is."""
+    seed = np.random.SeedSequence([model.seed or 0, model.num_timesteps]).generate_state(1)[0]
+    model.env.seed(int(seed) % 2**31)
+    model._last_obs = model.env.reset()
+    model._last_episode_starts = np.ones(model.env.num_envs, dtype=np.bool_)
+
+
+def _random_states(model: Any) -> list[Any]:
+    general: Any = np.random.get_state(legacy=False)  # noqa: NPY002 - stable-baselines3 draws from it
+    general["state"]["key"] = general["state"]["key"].tolist()
+    return [general, model.action_space.np_random.bit_generator.state]
+
+
+def _replay(model: Any) -> dict[str, Any] | None:
+    """What the replay buffer holds, of one that has not been filled only the part that is."""
+    buffer = getattr(model, "replay_buffer", None)
+    if not isinstance(buffer, ReplayBuffer):
+        return None
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    arrays = {name: _pack(getattr(buffer, name)[:filled]) for name in _REPLAY}
+    return {"position": int(buffer.pos), "full": bool(buffer.full), **arrays}
+
+
+def _restore_replay(buffer: Any, saved: dict[str, Any]) -> None:
+    buffer.pos, buffer.full = saved["position"], saved["full"]
+    for name in _REPLAY:
+        rows = _unpack(saved[name])
+        getattr(buffer, name)[: len(rows)] = rows
+
+
+def _pack(array: Any) -> dict[str, Any]:
+    """An array of any type as torch keeps it: unsigned numbers are not its strength."""
+    x = np.ascontiguousarray(array)
+    return {"type": x.dtype.str, "shape": list(x.shape), "bytes": torch.from_numpy(x.reshape(-1).view(np.uint8).copy())}
+
+
+def _unpack(packed: dict[str, Any]) -> NDArray[Any]:
+    array: NDArray[Any] = packed["bytes"].numpy().view(np.dtype(packed["type"])).reshape(packed["shape"])
+    return array.copy()
