@@ -36,6 +36,7 @@ from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, Newt
 from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
 from armtempo.agents._sweep import Objective, SweepTrial, sweep
+from armtempo.agents._sweep_objective import training_gap
 
 if TYPE_CHECKING:
     from armtempo.agents._batch_vec_env import BatchVecEnv
@@ -95,6 +96,7 @@ __all__ = [
     "Objective",
     "SweepTrial",
     "sweep",
+    "training_gap",
 ]
 
 

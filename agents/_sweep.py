@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from armtempo.configs import SearchedNumber, SweepConfig, SweepValue, TrainConfig, plain_number, trial_training
-from armtempo.errors import ArmtempoError, InputError
+from armtempo.errors import InputError
 
 if TYPE_CHECKING:
     import optuna
@@ -30,11 +30,13 @@ class SweepTrial:
         number: Of the trial, counted over all workers.
         objective: What it came to; lower is better.
         values: What was tried, by dotted key.
+        folder: Where its files are.
     """
 
     number: int
     objective: float
     values: dict[str, SweepValue]
+    folder: Path
 
 
 def sweep(
@@ -44,7 +46,7 @@ def sweep(
     *,
     objective: Objective,
     seed: int | None = None,
-    on_trial: Callable[[SweepTrial], None] | None = None,
+    on_trial: Callable[[SweepTrial, int], None] | None = None,
 ) -> list[SweepTrial]:
     """Take part in a sweep until ``trials`` are finished, by all workers together.
 
@@ -58,14 +60,15 @@ def sweep(
         trials: How many are to be finished, counting those that are in the journal already.
         objective: What a trial does.
         seed: Of the draws; workers with the same one begin with the same trials. None: from the system.
-        on_trial: Called after each trial of this worker.
+        on_trial: Called after each trial of this worker, with how many are finished.
 
     Returns:
         All finished trials, the best first.
 
     Raises:
-        InputError: ``trials`` below 1, or the folder holds a sweep of that name over something else.
-        ArmtempoError: Optuna is not installed; or whatever the objective raises (that trial has failed).
+        InputError: ``trials`` below 1, Optuna is not installed, the folder holds a sweep of that name over something
+            else, or a trial came to no number.
+        Exception: Whatever the objective raises; that trial has failed.
     """
     if trials < 1:
         raise InputError(f"trials must be at least 1, got {trials}")
@@ -73,7 +76,7 @@ def sweep(
     study = _open_study(optuna, config, storage, seed)
     while len(_finished(optuna, study)) < trials:
         trial = study.ask()
-        folder = storage / config.name / f"trial-{trial.number:04d}"
+        folder = _folder(storage, config, trial.number)
         folder.mkdir(parents=True, exist_ok=True)
         try:
             values = {key: _suggest(trial, key, searched) for key, searched in config.space.items()}
@@ -89,21 +92,33 @@ def sweep(
             raise
         study.tell(trial, reached)
         if on_trial is not None:
-            on_trial(SweepTrial(number=trial.number, objective=reached, values=values))
+            finished = len(_finished(optuna, study))
+            on_trial(_trial(storage, config, trial.number, reached, values), finished)
     return sorted(
         (
-            SweepTrial(number=one.number, objective=float(one.values[0]), values=dict(one.params))
+            _trial(storage, config, one.number, float(one.values[0]), dict(one.params))
             for one in _finished(optuna, study)
         ),
         key=lambda one: (one.objective, one.number),
     )
 
 
+def _folder(storage: Path, config: SweepConfig, number: int) -> Path:
+    return storage / config.name / f"trial-{number:04d}"
+
+
+def _trial(
+    storage: Path, config: SweepConfig, number: int, objective: float, values: dict[str, SweepValue]
+) -> SweepTrial:
+    folder = _folder(storage, config, number)
+    return SweepTrial(number=number, objective=objective, values=values, folder=folder)
+
+
 def _optuna() -> Any:
     try:
         import optuna
     except ImportError as error:
-        raise ArmtempoError(
+        raise InputError(
             "a sweep needs Optuna, which is not installed", remedy='pip install "armtempo[rl,sweep]"'
         ) from error
     optuna.logging.set_verbosity(optuna.logging.WARNING)

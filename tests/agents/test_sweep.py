@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from armtempo.agents import SweepTrial, sweep
+from armtempo.agents._sweep_objective import gap_of
 from armtempo.configs import SweepConfig, TrainConfig, load_sweep_config, trial_training
 from armtempo.errors import ConfigError, InputError, UnknownNameError
 
@@ -94,7 +95,7 @@ def test_errors_name_the_key(tmp_path: Path, old: str, new: str, said: str) -> N
 def test_a_sweep_goes_on_where_it_was(bowl: SweepConfig, tmp_path: Path) -> None:
     pytest.importorskip("optuna")
     seen: list[SweepTrial] = []
-    first = sweep(bowl, tmp_path / "s", 3, objective=_objective, seed=1, on_trial=seen.append)
+    first = sweep(bowl, tmp_path / "s", 3, objective=_objective, seed=1, on_trial=lambda trial, _: seen.append(trial))
     assert [trial.number for trial in seen] == [0, 1, 2]
     assert first == sorted(seen, key=lambda trial: (trial.objective, trial.number))
     for trial in seen:
@@ -168,10 +169,18 @@ def test_two_workers_and_one_that_is_killed(bowl: SweepConfig, tmp_path: Path) -
         time.sleep(0.2)
         return training.ppo.epochs
 
-    sweep(bowl, storage, 6, objective=objective, on_trial=mine.append)
+    sweep(bowl, storage, 6, objective=objective, on_trial=lambda trial, _: mine.append(trial))
     assert other.wait(timeout=60) == 0
     done = sweep(bowl, storage, 1, objective=_objective)
     assert 6 <= len(done) <= 7  # one of the two may have been at another
     theirs = _began(storage)
     assert len(theirs - {trial.number for trial in done}) == 1  # the killed one's
     assert not theirs & {trial.number for trial in mine}  # nothing twice
+
+
+def test_what_a_trial_comes_to() -> None:
+    row = {"gap_percent": 2.0, "episodes": 20, "finished": 20, "reward": -0.5}
+    assert gap_of(row, several=True) == 2.0
+    assert gap_of(row | {"finished": 19}, several=True) == 52.0
+    assert gap_of(row | {"gap_percent": None}, several=True) == float("inf")
+    assert gap_of(row, several=False) == 50.0
