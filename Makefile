@@ -76,12 +76,13 @@ clean:
 	$(PYTHON) -m venv .venv-rllib
 	$(if $(strip $(TORCH)),.venv-rllib/bin/python -m pip --disable-pip-version-check --quiet install "$(TORCH)")
 	.venv-rllib/bin/python -m pip --disable-pip-version-check --quiet install --editable ".[rllib]" \
-		"pytest>=8.3" "stable-baselines3>=2.7"
+		"hypothesis>=6.100" "pytest>=8.3" "stable-baselines3>=2.7"
 	touch $@
 
 .venv-torchrl/.ready: pyproject.toml
 	@echo "installing armtempo, torch and TorchRL into .venv-torchrl (some minutes the first time)"
 	$(PYTHON) -m venv .venv-torchrl
 	$(if $(strip $(TORCH)),.venv-torchrl/bin/python -m pip --disable-pip-version-check --quiet install "$(TORCH)")
-	.venv-torchrl/bin/python -m pip --disable-pip-version-check --quiet install --editable ".[torchrl]" "pytest>=8.3"
+	.venv-torchrl/bin/python -m pip --disable-pip-version-check --quiet install --editable ".[torchrl]" \
+		"hypothesis>=6.100" "pytest>=8.3"
 	touch $@

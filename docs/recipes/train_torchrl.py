@@ -1,6 +1,6 @@
 """Train all arms of a cell with MAPPO: one shared actor, a critic that sees all arms (TorchRL).
 
-    pip install "armtempo[torchrl]"    # best in an environment of its own
+    pip install "armtempo[torchrl]"    # 0.14 or newer; best in an environment of its own
     python docs/recipes/train_torchrl.py --iterations 100
 
 Arms end at different times. So the wrapper is told ``use_mask=True`` (who still moves) and ``done_on_any=False``:
@@ -19,7 +19,7 @@ from tensordict import TensorDict
 from tensordict.nn import TensorDictModule
 from tensordict.nn.distributions import NormalParamExtractor
 from torch import nn
-from torchrl.collectors import SyncDataCollector
+from torchrl.collectors import Collector
 from torchrl.envs import PettingZooWrapper, RewardSum, TransformedEnv
 from torchrl.modules import MultiAgentMLP, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
@@ -56,8 +56,7 @@ class Mappo:
     """Actor, critic, loss and optimiser for an environment of ``make_env``."""
 
     def __init__(self, env: TransformedEnv, *, steps: int, learning_rate: float = 3e-4) -> None:
-        arms = env.action_spec[GROUP, "action"].shape[0] if GROUP in env.action_spec.keys() else env.action_spec.shape[0]
-        entries = env.observation_spec[GROUP, "observation"].shape[-1]
+        arms, entries = env.observation_spec[GROUP, "observation"].shape
         shared: dict[str, Any] = {"n_agents": arms, "share_params": True, "depth": 2, "num_cells": 64}
         actor = nn.Sequential(
             MultiAgentMLP(entries, 2, centralised=False, activation_class=nn.Tanh, **shared), NormalParamExtractor()
@@ -85,7 +84,9 @@ class Mappo:
         )
         self.loss.make_value_estimator(ValueEstimators.GAE, gamma=1.0, lmbda=0.95)
         self.optimizer = torch.optim.Adam(self.loss.parameters(), lr=learning_rate)
-        self.collector = SyncDataCollector(env, self.policy, frames_per_batch=steps, total_frames=-1)
+        self.collector = Collector(
+            env, self.policy, frames_per_batch=steps, total_frames=-1, auto_register_policy_transforms=False
+        )
         self._batches = iter(self.collector)
 
     def iterate(self, *, epochs: int = 10, minibatch: int = 512) -> dict[str, float]:
