@@ -20,12 +20,15 @@ RECIPE = Path(__file__).parents[2] / "docs" / "recipes" / "train_rllib.py"
 
 @pytest.fixture(scope="module")
 def recipe() -> ModuleType:
+    from ray import cloudpickle
+
     spec = importlib.util.spec_from_file_location("train_rllib", RECIPE)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules["train_rllib"] = module
     spec.loader.exec_module(module)
+    cloudpickle.register_pickle_by_value(module)  # workers cannot import it, as little as a script's __main__
     return module
 
 
