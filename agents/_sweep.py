@@ -155,14 +155,15 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
 
 def _suggest(trial: optuna.Trial, key: str, searched: SearchedNumber) -> SweepValue:
     if searched.choices is not None:
-        return trial.suggest_categorical(key, [plain_number(choice) for choice in searched.choices])
+        return plain_number(trial.suggest_categorical(key, [plain_number(choice) for choice in searched.choices]))
     low, high = searched.low, searched.high
     assert low is not None  # a range has both
     assert high is not None
     if searched.integer:
-        return trial.suggest_int(key, int(low), int(high), log=searched.log)
-    return trial.suggest_float(key, low, high, log=searched.log)
+        return int(trial.suggest_int(key, int(low), int(high), log=searched.log))
+    return float(trial.suggest_float(key, low, high, log=searched.log))
 
 
 def _finished(optuna: Any, study: optuna.Study) -> list[optuna.trial.FrozenTrial]:
-    return study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
+    states = (optuna.trial.TrialState.COMPLETE,)
+    return list(study.get_trials(deepcopy=False, states=states))

@@ -28,5 +28,6 @@ def gap_of(row: dict[str, Any], *, several: bool) -> float:
         return -100.0 * float(row["reward"])
     if row["gap_percent"] is None:
         return math.inf
-    failed = row["episodes"] - row["finished"]  # a violation is no arrival
-    return float(row["gap_percent"]) + 1000.0 * failed / max(row["episodes"], 1)
+    episodes = int(row["episodes"])
+    failed = episodes - int(row["finished"])  # a violation is no arrival
+    return float(row["gap_percent"]) + 1000.0 * failed / max(episodes, 1)

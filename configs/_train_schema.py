@@ -127,7 +127,7 @@ class IKTraining(_Model):
     model_error: Real = 0.0
     """The simulated bodies are heavier by this share than the controller believes."""
     reward_scale: Positive = 1.0
-    """Multiplies what the algorithm is told, for rewards too small to learn from; curves and logs show them as they are."""
+    """Multiplies what the algorithm is told, where rewards are too small to learn from; the curve has them unscaled."""
 
 
 class NetworkConfig(_Model):
