@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any, Literal, Self, final
+from typing import Any, final
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from armtempo.planners import Cell
+from armtempo.envs import CoordinationVectorEnv
 
 
 @final
@@ -24,34 +23,20 @@ class BatchVecEnv(VecEnv):
     and then only (see ``ParallelVecEnv``). An arm that has arrived earns 0 until then, or the team's share.
 
     Args:
-        batch: A ``CoordinationVectorEnv``.
-        learners: Numbers of the arms that learn: those of the batch.
+        batch: The episodes. Episode e gets seed + e.
     """
 
-    def __init__(self, batch: Any, learners: Sequence[int]) -> None:
+    def __init__(self, batch: CoordinationVectorEnv) -> None:
         self.batch = batch
-        self.learners = np.array(learners, dtype=np.int64)
-        self.episodes = int(batch.num_envs)
+        self.learners = np.array(batch.learners, dtype=np.int64)
+        self.episodes = batch.num_envs
         self.render_mode = None
-        observation, action = batch.single_observation_space, batch.single_action_space
-        super().__init__(self.episodes * len(self.learners), _last_axis(observation), _last_axis(action))
-        self._arms = int(batch.arms)
-        self._actions = np.ones((self.episodes, self._arms, 1), dtype=np.float32)
+        super().__init__(self.episodes * len(self.learners), batch.observation_space, batch.action_space)
+        self._actions = np.ones((self.episodes, batch.arms, 1), dtype=np.float32)
         self._returns = np.zeros((self.episodes, len(self.learners)))
         self._steps = np.zeros(self.episodes, dtype=np.int64)
         self._nothing: dict[str, Any] = {}
         self._began = time.perf_counter()
-
-    @classmethod
-    def of(
-        cls, cells: Sequence[Cell], num_envs: int, *, learners: Literal["last", "all"] = "all", **options: Any
-    ) -> Self:
-        """Of cells with as many arms; ``options`` as of ``CoordinationVectorEnv``."""
-        from armtempo.envs import CoordinationVectorEnv
-
-        arms = len(cells[0].arms)
-        mine = (arms - 1,) if learners == "last" else tuple(range(arms))
-        return cls(CoordinationVectorEnv(list(cells), num_envs, learners=mine, **options), mine)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: episode e gets seed + e; None: something random."""
@@ -77,18 +62,18 @@ class BatchVecEnv(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step the batch; episodes that have ended begin again."""
-        observations, rewards, _, truncated, told = self.batch.step(self._actions)
+        observations, rewards, terminated, truncated, told = self.batch.step(self._actions)
         self._returns += rewards[:, self.learners]
         self._steps += 1
         infos = [self._nothing] * self.num_envs  # one object: nobody writes to infos of running episodes
-        ended = np.asarray(told.get("_final_obs", np.zeros(self.episodes, dtype=np.bool_)))
+        ended = (terminated | truncated).all(axis=1)
         if ended.any():
-            self._finish(np.flatnonzero(ended), truncated, told, infos)
+            self._finish(np.flatnonzero(ended), truncated & ~terminated, told, infos)
         dones = np.repeat(ended, len(self.learners))
         return self._rows(observations), self._rows(rewards).astype(np.float32), dones, infos
 
     def _finish(
-        self, ended: NDArray[np.int64], truncated: NDArray[np.bool_], told: dict[str, Any], infos: list[dict[str, Any]]
+        self, ended: NDArray[np.int64], cut: NDArray[np.bool_], told: dict[str, Any], infos: list[dict[str, Any]]
     ) -> None:
         """Tell the rows of these episodes about their end."""
         final, last = told["final_info"], told["final_obs"]
@@ -97,7 +82,7 @@ class BatchVecEnv(VecEnv):
             for k, arm in enumerate(self.learners):
                 infos[e * L + k] = {
                     "terminal_observation": np.array(last[e][arm]),
-                    "TimeLimit.truncated": bool(truncated[e, arm]),
+                    "TimeLimit.truncated": bool(cut[e, arm]),
                     "is_success": bool(final["is_success"][e]),
                     "violation": bool(final["violation"][e]),
                     "makespan_s": float(final["makespan_s"][e]),
@@ -142,8 +127,3 @@ class BatchVecEnv(VecEnv):
     ) -> list[bool]:
         """A batch has no Gymnasium wrappers."""
         return [False for _ in self._get_indices(indices)]
-
-
-def _last_axis(box: Box) -> Box:
-    """The space of one arm out of that of all arms (A, n)."""
-    return box if box.low.ndim == 1 else Box(box.low[0], box.high[0], dtype=np.float32)

@@ -157,14 +157,24 @@ class Evaluation:
 
 def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -> tuple[EpisodeTrace, float]:
     """One episode to its end, in an ``env`` made with ``record``; returns its trace and the sum of all rewards."""
+    trace, total, _ = _run_episode(env, policy, seed)
+    return trace, total
+
+
+def _run_episode(
+    env: CoordinationEnv, policy: Policy, seed: int | None
+) -> tuple[EpisodeTrace, float, dict[str, dict[str, Any]]]:
+    """That, and the last info of every agent."""
     observations, _ = env.reset(seed=seed)
     policy.reset(seed)
     total = 0.0
+    last: dict[str, dict[str, Any]] = {}
     while env.agents:
         seen = {agent: observations[agent] for agent in env.agents}
-        observations, rewards, _, _, _ = env.step(policy.act(seen, env))
+        observations, rewards, _, _, infos = env.step(policy.act(seen, env))
         total += sum(rewards.values())
-    return env.trace, total
+        last |= infos
+    return env.trace, total, last
 
 
 @overload
@@ -318,9 +328,11 @@ def _evaluate_one(
 ) -> PolicyResult:
     cell = env.cell
     policy = learned_policy(name, env) if is_agent_name(name) else make_policy(name, cell, plan)
-    traces, rewards = [], []
+    traces, rewards, changed, decided = [], [], 0, 0
     for episode in range(episodes):
-        trace, reward = run_episode(env, policy, seed + episode)
+        trace, reward, infos = _run_episode(env, policy, seed + episode)
+        changed += sum(info.get("shield_changed", 0) for info in infos.values())
+        decided += sum(info.get("shield_steps", 0) for info in infos.values())
         traces.append(trace)
         rewards.append(reward)
         if on_episode is not None:
@@ -345,7 +357,7 @@ def _evaluate_one(
         violations=sum(trace.violations for trace in traces),
         finished=len(makespans),
         reward=float(np.mean(rewards)),
-        interventions=None,
+        interventions=changed / decided if decided else None,
         planning_time_s=planning,
         trace=traces[0],
         schedule=plan,

@@ -182,6 +182,10 @@ class _Watch(BaseCallback):
         result = self._evaluation.row(agent_of(model, _header(self._place, steps, [])))
         row = {"steps": steps, "seconds": round(time.perf_counter() - self._began, 1), **result}
         self._curve.append(row)
+        with whole_file(self._folder / CURVE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, COLUMNS, restval="")
+            writer.writeheader()
+            writer.writerows(self._curve)
         for name, value in result.items():
             if value is not None:
                 model.logger.record(f"evaluation/{name}", value)
@@ -190,8 +194,4 @@ class _Watch(BaseCallback):
             self._on_row(row)
 
     def _save(self, model: Any) -> None:
-        with whole_file(self._folder / CURVE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS, restval="")
-            writer.writeheader()
-            writer.writerows(self._curve)
         save_checkpoint(self._folder / CHECKPOINT, model, self._said, self._curve)

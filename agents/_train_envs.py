@@ -22,6 +22,8 @@ from armtempo.envs import (
     ENTRIES,
     BlendTrackingEnv,
     CoordinationEnv,
+    CoordinationVectorEnv,
+    Disturbance,
     FeedbackIKEnv,
     YieldingEnv,
     ik_entries,
@@ -136,8 +138,6 @@ def _disturbed(chosen: CoordinationTraining) -> dict[str, Any]:
     if chosen.disturbance is not None:
         options["disturbance"] = chosen.disturbance
     if chosen.custom_disturbance is not None:
-        from armtempo.envs import Disturbance
-
         options["disturbance"] = Disturbance(**chosen.custom_disturbance.model_dump())
     if chosen.observation_noise:
         options["observation_noise"] = chosen.observation_noise
@@ -155,25 +155,21 @@ def training_env(place: Workplace) -> Any:
     from armtempo.agents._batch_vec_env import BatchVecEnv
     from armtempo.agents._parallel_vec_env import ParallelVecEnv
 
+    options: dict[str, Any]
     config, chosen, cells = place.config, place.config.environment, place.cells
-    from armtempo import envs
-
-    if (
-        isinstance(chosen, CoordinationTraining)
-        and chosen.physics == "ideal"
-        and hasattr(envs, "CoordinationVectorEnv")
-    ):
-        arms = [cell for cell in cells if isinstance(cell, Cell)]
-        return BatchVecEnv.of(
-            arms, config.num_envs, learners=chosen.learners, reward=chosen.reward,
-            mode=chosen.mode, shield=chosen.shield, **place.disturbed,
-        )  # fmt: skip
+    if isinstance(chosen, CoordinationTraining) and chosen.physics == "ideal":
+        several = [cell for cell in cells if isinstance(cell, Cell)]
+        arms = len(several[0].arms)
+        learners = (arms - 1,) if chosen.learners == "last" else tuple(range(arms))
+        options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
+        del options["physics"]
+        return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options))
     turn = iter(range(config.num_envs))
 
     def next_cell() -> AnyCell:
         return cells[next(turn) % len(cells)]
 
-    options: dict[str, Any] = place.settings | place.disturbed
+    options = place.settings | place.disturbed
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":
         return ParallelVecEnv(lambda: CoordinationEnv(next_cell(), **options), config.num_envs)  # type: ignore[arg-type]
     one: Callable[[], Any]

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
+from armtempo.envs._batch import REWARDS, BatchSimulation
 from armtempo.envs._blend_observation import BLEND_ENTRIES
 from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
 from armtempo.envs._blend_tracking import BlendTrackingEnv
 from armtempo.envs._coordination import CoordinationEnv
+from armtempo.envs._disturbance import DISTURBANCES, Disturbance
 from armtempo.envs._feedback_ik import FeedbackIKEnv
 from armtempo.envs._ik_observation import ik_entries
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
 from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
+from armtempo.envs._vector import CoordinationVectorEnv, YieldingVectorEnv
 from armtempo.envs._yielding import YieldingEnv
 
 __all__ = [
     "BLEND_ENTRIES",
+    "DISTURBANCES",
     "ENTRIES",
     "MAPPINGS",
     "MODES",
@@ -24,10 +28,14 @@ __all__ = [
     "OTHERS",
     "OWN",
     "PHYSICS",
+    "REWARDS",
+    "BatchSimulation",
     "BlendSimulation",
     "BlendTrace",
     "BlendTrackingEnv",
     "CoordinationEnv",
+    "CoordinationVectorEnv",
+    "Disturbance",
     "Entry",
     "EpisodeTrace",
     "MappingName",
@@ -35,6 +43,7 @@ __all__ = [
     "Renderer",
     "Simulation",
     "YieldingEnv",
+    "YieldingVectorEnv",
     "coordination_v0",
     "observation_table",
     "share",

@@ -122,7 +122,7 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "algorithm": (lambda path: _write(path, header=_header(algorithm="dqn"), **LAYER), "dqn"),
     "no layers": (lambda path: _write(path, header=_header()), "no layers"),
     "shape": (lambda path: _write(path, header=_header(entries=["x"]), **LAYER), "wrong shape"),
-    "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": np.float32([np.nan])}), "finite"),
+    "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": np.array([np.nan], np.float32)}), "finite"),
     "pickle": (lambda path: _write(path, header=np.array([Trap(path.with_name("sprung"))])), "not an agent file"),
 }  # fmt: skip
 

@@ -112,7 +112,7 @@ def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
 def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) -> None:
-    ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)  # type: ignore[call-overload]
+    ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)
     for name, result in ideal.results.items():
         assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)
         assert result.path_error_max_m == 0.0
@@ -124,3 +124,26 @@ def test_errors(lee1991: Cell) -> None:
         evaluate(lee1991, ("optmal",))
     with pytest.raises(InputError, match="episodes must be at least 1"):
         evaluate(lee1991, ("delay",), episodes=0)
+
+
+def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Cell) -> None:
+    result = evaluate(lee1991, ["delay", "vci"], episodes=4, physics="ideal", disturbance="late")
+    content = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert content["disturbance"] == "late"
+    times = [content["policies"][name]["makespans_s"] for name in ("delay", "vci")]
+    assert len(set(times[0])) == 4
+    assert content["best_online"] in ("delay", "vci")
+    best = content["policies"][content["best_online"]]
+    assert (best["ratio_to_best_online"], best["ratio_interval"]) == (1.0, [1.0, 1.0])
+    ratio = result.ratio("vci")
+    assert ratio is not None
+    assert ratio[0] == pytest.approx(np.mean(times[1]) / np.mean(times[0])) or content["best_online"] == "vci"
+    low, high = content["policies"]["vci"]["makespan_interval_s"]
+    assert low < content["policies"]["vci"]["makespan_s"] < high
+
+
+def test_options_of_several_arms_are_refused_for_one() -> None:
+    from armtempo.planners import load_cell
+
+    with pytest.raises(InputError, match="disturbance"):
+        evaluate(load_cell("lee2006"), ["random"], disturbance="late")

@@ -77,7 +77,7 @@ def actions(env: ParallelVecEnv) -> Floats:
 def test_an_agent_that_ends_early_waits_with_zeros_and_all_rows_end_together() -> None:
     env = ParallelVecEnv(lambda: Countdown((2, 4)), 1)
     env.reset()
-    steps = [env.step(actions(env)) for _ in range(5)]
+    steps: list[Any] = [env.step(actions(env)) for _ in range(5)]
     np.testing.assert_array_equal([s[1] for s in steps], [[1, 2], [1, 2], [0, 2], [0, 2], [1, 2]])
     np.testing.assert_array_equal([s[2] for s in steps], [[0, 0], [0, 0], [0, 0], [1, 1], [0, 0]])
     assert not steps[1][0][0].any()  # the first has ended
@@ -125,6 +125,7 @@ def test_results_are_not_overwritten_by_the_next_step() -> None:
     first = env.reset()
     kept = first.copy()
     second, rewards, dones, _ = env.step(actions(env))
+    assert isinstance(second, np.ndarray)
     before = second.copy(), rewards.copy(), dones.copy()
     env.step(actions(env))
     np.testing.assert_array_equal(first, kept)
@@ -165,7 +166,8 @@ def test_episodes_of_a_cell_are_those_of_the_bare_environment(lee1991: Cell) -> 
 
     env = ParallelVecEnv(make, 1)
     env.seed(3)
-    rows, bare = env.reset(), make()
+    bare = make()
+    rows: Any = env.reset()
     seen, _ = bare.reset(seed=3)
     policy: Callable[[int], float] = lambda step: float(np.sin(0.3 * step))  # noqa: E731
     totals, step = dict.fromkeys(bare.agents, 0.0), 0
