@@ -3,6 +3,7 @@
 #   make test    install everything and run the tests
 #   make check   format, lint, types, layers
 #   make bench   time armtempo against its peers
+#   make recipes  run docs/recipes (RLlib, TorchRL), each in an environment of its own
 #   make build   sdist, wheel from the sdist, smoke test of the wheel in a clean environment
 #   make clean   remove what these made
 PYTHON ?= python3
@@ -16,7 +17,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench build clean
+.PHONY: run test check bench recipes rllib torchrl build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -35,6 +36,15 @@ check: .venv/.test-ready
 bench: .venv/.test-ready
 	$(BIN)/python -m pytest tests/benchmarks $(ARGS)
 
+recipes: rllib torchrl
+
+# RLlib pins Gymnasium. The tests of the environments run with that version too.
+rllib: .venv-rllib/.ready
+	.venv-rllib/bin/python -m pytest tests/recipes/test_rllib.py tests/envs/test_conformance.py $(ARGS)
+
+torchrl: .venv-torchrl/.ready
+	.venv-torchrl/bin/python -m pytest tests/recipes/test_torchrl.py $(ARGS)
+
 build: .venv/.test-ready
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
@@ -44,7 +54,7 @@ build: .venv/.test-ready
 	cd "$$clean"; "$$clean/venv/bin/python" -I "$$smoke"
 
 clean:
-	rm -rf .venv dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-rllib .venv-torchrl dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/bin/python:
@@ -58,5 +68,21 @@ clean:
 .venv/.test-ready: pyproject.toml | .venv/bin/python
 	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
-	$(PIP) install --editable ".[dev,rl]"
+	$(PIP) install --editable ".[dev,rl,sweep]"
 	touch $@ .venv/.run-ready
+
+.venv-rllib/.ready: pyproject.toml
+	@echo "installing armtempo, torch and RLlib into .venv-rllib (some minutes the first time)"
+	$(PYTHON) -m venv .venv-rllib
+	$(if $(strip $(TORCH)),.venv-rllib/bin/python -m pip --disable-pip-version-check --quiet install "$(TORCH)")
+	.venv-rllib/bin/python -m pip --disable-pip-version-check --quiet install --editable ".[rllib]" \
+		"hypothesis>=6.100" "pytest>=8.3" "stable-baselines3>=2.7"
+	touch $@
+
+.venv-torchrl/.ready: pyproject.toml
+	@echo "installing armtempo, torch and TorchRL into .venv-torchrl (some minutes the first time)"
+	$(PYTHON) -m venv .venv-torchrl
+	$(if $(strip $(TORCH)),.venv-torchrl/bin/python -m pip --disable-pip-version-check --quiet install "$(TORCH)")
+	.venv-torchrl/bin/python -m pip --disable-pip-version-check --quiet install --editable ".[torchrl]" \
+		"hypothesis>=6.100" "pytest>=8.3"
+	touch $@

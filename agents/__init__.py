@@ -35,6 +35,8 @@ from armtempo.agents._extra import TRAINING, load_training
 from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
 from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
+from armtempo.agents._sweep import Objective, SweepTrial, sweep
+from armtempo.agents._sweep_objective import training_gap
 
 if TYPE_CHECKING:
     from armtempo.agents._batch_vec_env import BatchVecEnv
@@ -91,6 +93,10 @@ __all__ = [
     "load_agent",
     "save_agent",
     "shipped_agents",
+    "Objective",
+    "SweepTrial",
+    "sweep",
+    "training_gap",
 ]
 
 

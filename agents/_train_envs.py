@@ -148,6 +148,7 @@ def _disturbed(chosen: CoordinationTraining) -> dict[str, Any]:
 
 def training_env(place: Workplace) -> Any:
     """The ``VecEnv`` that a training steps: batched where the physics are ideal, else one environment after another."""
+    from gymnasium.wrappers import TransformReward
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -177,5 +178,6 @@ def training_env(place: Workplace) -> Any:
     elif isinstance(chosen, BlendTraining):
         one = lambda: Monitor(BlendTrackingEnv(next_cell(), **options))  # type: ignore[arg-type]  # noqa: E731
     else:
-        one = lambda: Monitor(FeedbackIKEnv(next_cell(), **options))  # type: ignore[arg-type]  # noqa: E731
+        scale = chosen.reward_scale
+        one = lambda: TransformReward(Monitor(FeedbackIKEnv(next_cell(), **options)), lambda r: scale * float(r))  # type: ignore[arg-type]  # noqa: E731
     return DummyVecEnv([one] * config.num_envs)

@@ -16,6 +16,7 @@ from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
 from armtempo.commands._record import record
 from armtempo.commands._reproduce import reproduce
+from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
 
 DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
@@ -31,6 +32,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "reproduce": reproduce,
     "bench": bench,
     "train": train,
+    "sweep": sweep,
 }
 
 

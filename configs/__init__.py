@@ -11,6 +11,7 @@ from armtempo.configs._load import (
     resolve_file,
     robot_config,
 )
+from armtempo.configs._load_sweep import bundled_sweeps, load_sweep_config, plain_number, trial_training
 from armtempo.configs._load_train import bundled_trainings, load_train_config, parse_train_config
 from armtempo.configs._schema import (
     AnyCellConfig,
@@ -43,6 +44,7 @@ from armtempo.configs._schema import (
     TimedPoseConfig,
     ToolConfig,
 )
+from armtempo.configs._sweep_schema import SearchedNumber, SweepConfig, SweepValue
 from armtempo.configs._train_schema import (
     BenchmarkFilter,
     BlendTraining,
@@ -58,6 +60,9 @@ from armtempo.configs._train_schema import (
 )
 
 __all__ = [
+    "SearchedNumber",
+    "SweepConfig",
+    "SweepValue",
     "BenchmarkFilter",
     "BlendTraining",
     "CoordinationTraining",
@@ -102,10 +107,14 @@ __all__ = [
     "TimedPoseConfig",
     "ToolConfig",
     "bundled_cells",
+    "bundled_sweeps",
     "change_blend",
     "data_path",
     "load_cell_config",
+    "load_sweep_config",
     "parse_cell_config",
     "resolve_file",
     "robot_config",
+    "plain_number",
+    "trial_training",
 ]

@@ -126,6 +126,8 @@ class IKTraining(_Model):
     """``ideal`` moves the arm exactly as commanded; ``bullet`` simulates torque control."""
     model_error: Real = 0.0
     """The simulated bodies are heavier by this share than the controller believes."""
+    reward_scale: Positive = 1.0
+    """Multiplies what the algorithm is told, where rewards are too small to learn from; the curve has them unscaled."""
 
 
 class NetworkConfig(_Model):
