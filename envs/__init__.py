@@ -9,6 +9,7 @@ from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrac
 from armtempo.envs._blend_tracking import BlendTrackingEnv
 from armtempo.envs._coordination import CoordinationEnv
 from armtempo.envs._disturbance import DISTURBANCES, Disturbance
+from armtempo.envs._disturbed_motion import disturbed_motion
 from armtempo.envs._feedback_ik import FeedbackIKEnv
 from armtempo.envs._ik_observation import ik_entries
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
@@ -54,6 +55,7 @@ __all__ = [
     "YieldingEnv",
     "YieldingVectorEnv",
     "coordination_v0",
+    "disturbed_motion",
     "observation_table",
     "share",
     "shield_trial",
