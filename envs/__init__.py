@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
+from armtempo.envs._batch import REWARDS, BatchSimulation
 from armtempo.envs._blend_observation import BLEND_ENTRIES
 from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
 from armtempo.envs._blend_tracking import BlendTrackingEnv
 from armtempo.envs._coordination import CoordinationEnv
+from armtempo.envs._disturbance import DISTURBANCES, Disturbance
 from armtempo.envs._feedback_ik import FeedbackIKEnv
 from armtempo.envs._ik_observation import ik_entries
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
@@ -16,10 +18,12 @@ from armtempo.envs._shield import EpisodeShield, Shield
 from armtempo.envs._shield_trial import REQUESTS, ShieldTrial, shield_trial
 from armtempo.envs._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
 from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
+from armtempo.envs._vector import CoordinationVectorEnv, YieldingVectorEnv
 from armtempo.envs._yielding import YieldingEnv
 
 __all__ = [
     "BLEND_ENTRIES",
+    "DISTURBANCES",
     "ENTRIES",
     "MAPPINGS",
     "MODES",
@@ -28,10 +32,14 @@ __all__ = [
     "OWN",
     "PHYSICS",
     "REQUESTS",
+    "REWARDS",
+    "BatchSimulation",
     "BlendSimulation",
     "BlendTrace",
     "BlendTrackingEnv",
     "CoordinationEnv",
+    "CoordinationVectorEnv",
+    "Disturbance",
     "Entry",
     "EpisodeShield",
     "EpisodeTrace",
@@ -44,6 +52,7 @@ __all__ = [
     "ShieldWrapper",
     "Simulation",
     "YieldingEnv",
+    "YieldingVectorEnv",
     "coordination_v0",
     "observation_table",
     "share",

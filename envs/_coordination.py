@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any, ClassVar, final
 
@@ -11,6 +12,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
+from armtempo.envs._disturbance import Disturbance, Range
 from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
@@ -33,7 +35,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
       speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
 
-    **Observation**, Box, (17,) float32, the same for every cell:
+    **Observation**, Box, (21,) float32, the same for every cell:
 
     {table}
 
@@ -43,7 +45,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
 
-    **Start**: all arms at rest at the start of their paths; ``master_late_s`` holds the first one there for that time.
+    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); ``master_late_s`` holds the first one there for that time.
 
     **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the
     tick; in ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of
@@ -58,6 +60,12 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         master_late_s: How long the first arm stands before it obeys its agent [s].
         max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep an ``EpisodeTrace``.
+        disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
+            (of the first arm), or a ``Disturbance``; none: None.
+        observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
+        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from.
+        model_error: In ``bullet``: by what share the simulated bodies are heavier than the plans'.
+        friction_error: In ``bullet``: by what share damping and dry friction of the joints are larger.
         shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
             ``info["shield"]``.
         shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
@@ -83,6 +91,11 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         master_late_s: float = 0.0,
         max_episode_s: float | None = None,
         record: bool = False,
+        disturbance: str | Disturbance | None = None,
+        observation_noise: float = 0.0,
+        start_phase: float | Range = 0.0,
+        model_error: float = 0.0,
+        friction_error: float = 0.0,
         shield: bool = False,
         shield_tube_m: float = 0.0,
     ) -> None:
@@ -92,7 +105,11 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         self.physics: Physics = physics
         self.mode: Mode = mode
         self.render_mode = render_mode
-        self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
+        self._episode = Episode(
+            self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s,
+            disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
+            master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
+        )  # fmt: skip
         self._shield = EpisodeShield(self.simulation, tube_m=shield_tube_m) if shield else None
         self.master_late_s = float(master_late_s)
         self.possible_agents = agent_names(self.cell.arms)
@@ -115,7 +132,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         return self.simulation.trace()
 
     def observation_space(self, agent: str) -> Box:
-        """Box (17,) float32."""
+        """Box (21,) float32."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
@@ -130,16 +147,16 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
             raise InputError("the environment is closed", remedy="make a new one")
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
-        late = np.zeros(len(self.possible_agents))
-        late[0] = float((options or {}).get("master_late_s", self.master_late_s))
-        self._episode.reset(late)
+        drawn = self._episode.reset(self.np_random, seed is not None, options)
         if self._shield is not None:
             self._shield.reset()
         self.agents = self.possible_agents[:]
         if self.render_mode == "human":
             self.render()
         rows = self.simulation.observe()
-        return {agent: rows[i] for i, agent in enumerate(self.agents)}, {agent: {} for agent in self.agents}
+        return {agent: rows[i] for i, agent in enumerate(self.agents)}, {
+            agent: {"disturbance": copy.deepcopy(drawn)} for agent in self.agents
+        }
 
     def step(
         self, actions: dict[str, NDArray[np.float32]]

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
+from armtempo.envs._random import key_from
 from armtempo.envs._reward import collision_reward, progress_reward, time_reward
 from armtempo.envs._simulation import Physics, Simulation
 from armtempo.errors import ActionError, InputError
@@ -63,34 +65,61 @@ def check_late(late: ArrayLike) -> None:
         raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
 
 
+def time_limit(cell: Cell, max_episode_s: float | None) -> tuple[float, float]:
+    """The reference time of rewards, and after how long an episode is truncated [s].
+
+    Raises:
+        InputError: That is not positive.
+    """
+    reference = cell.sequential_makespan
+    limit = TIME_LIMIT * reference if max_episode_s is None else float(max_episode_s)
+    if not limit > 0.0:
+        raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+    return reference, limit
+
+
 @final
 class Episode:
     """The state of an episode of one cell, above the simulation."""
 
-    def __init__(self, cell: Cell, *, physics: Physics, mode: Mode, record: bool, max_episode_s: float | None) -> None:
+    def __init__(
+        self, cell: Cell, *, physics: Physics, mode: Mode, record: bool, max_episode_s: float | None, **options: Any
+    ) -> None:
         self.cell = cell
-        self.simulation = Simulation(cell, physics=physics, mode=mode, record=record)
-        self.reference_time = cell.sequential_makespan
-        self.time_limit = TIME_LIMIT * self.reference_time if max_episode_s is None else float(max_episode_s)
-        if not self.time_limit > 0.0:
-            raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+        self.reference_time, self.time_limit = time_limit(cell, max_episode_s)
+        self.simulation = Simulation(cell, physics=physics, mode=mode, record=record, **options)
         self.lengths = [path.length for path in cell.paths]
-        self._start(len(cell.arms))
+        self._key: int | None = None
+        self._number = -1
+        self._start()
 
-    def _start(self, arms: int) -> None:
-        self._charged = [0.0] * arms
-        self._before = [0.0] * arms
+    def _start(self) -> None:
+        self._charged = [0.0] * len(self.lengths)
+        self._before: list[float] = self.simulation.lam.tolist()
         self.timed_out = False
 
-    def reset(self, late: ArrayLike) -> None:
-        """Start again; ``late`` (A,) [s].
+    def reset(self, generator: Generator, seeded: bool, options: dict[str, Any] | None) -> dict[str, Any]:
+        """Start again; returns what was drawn.
+
+        Args:
+            generator: Gives the key of the random numbers, when ``seeded`` or the first time.
+            seeded: Begin to count episodes anew.
+            options: May give ``master_late_s`` for this episode [s].
 
         Raises:
-            InputError: It is negative or not finite.
+            InputError: That is negative or not finite.
         """
-        check_late(late)
-        self.simulation.reset(late)
-        self._start(len(self.lengths))
+        late = None
+        if options and "master_late_s" in options:
+            check_late(options["master_late_s"])
+            late = np.zeros(len(self.lengths))
+            late[0] = options["master_late_s"]
+        if seeded or self._key is None:
+            self._key, self._number = key_from(generator), -1
+        self._number += 1
+        self.simulation.reset(late, key=self._key, number=self._number)
+        self._start()
+        return self.simulation.drawn
 
     def step(self, commands: Array) -> None:
         """Run one control period."""

@@ -1,31 +1,61 @@
-"""Compiled loops of the environments: arms along their paths tick by tick, the joint controller, the observation.
+"""Compiled loops of the environments: arms along their paths period by period, the controller, the observation.
 
-Arrays have one row per arm, padded to the largest number of joints.
+Arrays have one row per arm, padded to the largest number of joints; before it comes the episode, where many run at
+once. One environment is a batch of one: it runs the same functions, so it has the same bits. They go over the episodes
+of one arm or pair in their inner loops: cutting an arm's arrays out costs more than moving it.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.envs._random import NOISE, normal
 from armtempo.envs._world import (
     BLOCK,
-    State,
+    Episodes,
     World,
     clearance_of,
-    edges_of,
     last_in_block,
     last_occupied,
     length_of,
     model_of,
-    rows_of,
+    steps_of,
     table_of,
     to_go_of,
+    waits_of,
 )
 from armtempo.planners import path_point, phase_kernels, tabulated_clearance
-from armtempo.robots import ArmModel, kernels, njit
+from armtempo.robots import ArmModel, kernels, njit, unlocked
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+SPAN = 64  # episodes in one go: what they need stays in the cache
+
+
+class Scratch(NamedTuple):
+    """Work space of one thread for B episodes, T ticks a period."""
+
+    places: Array  # (B, A, T) at the end of every tick
+    speeds: Array  # (B, A, T)
+    clearance: Array  # (B, T)
+    own: Array  # (B, A, 6) entries of an arm's own observation in their order, then its time to go [s]
+    pair: Array  # (B, A, A, 3) [i, j]: way to the next region, what j has still to go there, what i would wait
+
+
+def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
+    """Work space for so many episodes, SPAN at most."""
+    B = min(episodes, SPAN)
+    return Scratch(
+        np.zeros((B, arms, ticks)),
+        np.zeros((B, arms, ticks)),
+        np.zeros((B, ticks)),
+        np.zeros((B, arms, 6)),
+        np.zeros((B, arms, arms, 3)),
+    )
 
 
 @njit
@@ -44,36 +74,81 @@ def run_arm(
 
     ``out`` (ticks,): the place at the end of every tick. The time is less than ``ticks * tick`` only on arrival.
     """
-    total, scratch = 0.0, np.empty((0, 3))
-    for k in range(ticks):
-        if lam < rows.station[-1]:
-            lam, mu, used, _ = phase_kernels.advance(rows, edges, lam, mu, command, by_speed, tick, scratch, 0)
-            total += used
-        out[k] = lam
-    return lam, mu, total
+    return phase_kernels.run(edges.steps, lam, mu, command, by_speed, tick, ticks, out, np.empty(ticks))
 
 
 @njit
 def move(
-    rows: phase_kernels.Rows,
-    edges: phase_kernels.Edges,
-    state: State,
-    i: int,
-    command: float,
-    by_speed: bool,
-    late: float,
-    time: float,
-    tick: float,
+    world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Array, scratch: Scratch
 ) -> None:
-    """One tick of arm i's reference; an arm that is ``late`` stands until that instant, whatever its command."""
-    dt = min(time + tick - late, tick)
-    if dt <= 1e-12 or not np.isnan(state.arrival[i]):
-        return
-    state.lam[i], state.mu[i], used, _ = phase_kernels.advance(
-        rows, edges, state.lam[i], state.mu[i], command, by_speed, dt, np.empty((0, 3)), 0
-    )
-    if state.lam[i] >= rows.station[-1]:
-        state.arrival[i] = time + (tick - dt) + used
+    """One control period of the references of episodes first..last - 1: commands (E, A) as far as arms obey them."""
+    tick, ticks = world.tick, scratch.places.shape[2]
+    for i in range(commands.shape[1]):
+        steps = steps_of(world, i)
+        end = steps[steps.shape[0] - 1, 0]
+        for e in range(first, last):
+            if not active[e]:
+                continue
+            places, speeds = scratch.places[e - first, i], scratch.speeds[e - first, i]
+            lam, mu, now = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e]
+            command, late = commands[e, i] * episodes.speed[e, i], episodes.late[e, i]
+            for s in range(episodes.stops.shape[2]):
+                if episodes.stops[e, i, s, 0] <= now * tick < episodes.stops[e, i, s, 1]:
+                    command = 0.0
+            k = 0
+            while k < ticks and (lam >= end or (now + k) * tick + tick - late <= 1e-12):  # there, or not yet gone
+                places[k], speeds[k] = lam, mu
+                k += 1
+            if k < ticks and (now + k) * tick < late:  # it goes in the middle of this tick
+                part = (now + k) * tick + tick - late
+                lam, mu, used = phase_kernels.run(
+                    steps, lam, mu, command, world.by_speed, part, 1, places[k : k + 1], speeds[k : k + 1]
+                )
+                if lam >= end:
+                    episodes.arrival[e, i] = late + used
+                k += 1
+            if k < ticks:
+                began, there = (now + k) * tick, lam >= end
+                lam, mu, used = phase_kernels.run(
+                    steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:]
+                )
+                if lam >= end and not there:
+                    episodes.arrival[e, i] = began + used
+            episodes.lam[e, i], episodes.mu[e, i] = lam, mu
+
+
+@njit
+def watch(
+    world: World, episodes: Episodes, first: int, last: int, active: Bools, d_min: float, scratch: Scratch
+) -> None:
+    """Clearance at every tick of the period that has been run; an episode ends at the first tick below ``d_min``."""
+    clearance, ticks = scratch.clearance, scratch.places.shape[2]
+    for e in range(first, last):
+        clearance[e - first] = np.inf
+    for p in range(world.clearance.shape[0]):
+        table, i, j = clearance_of(world, p), world.clearance[p, 0], world.clearance[p, 1]
+        for e in range(first, last):
+            if active[e]:
+                b = e - first
+                for k in range(ticks):
+                    found = tabulated_clearance(table, scratch.places[b, i, k], scratch.places[b, j, k])
+                    clearance[b, k] = min(clearance[b, k], found)
+    for e in range(first, last):
+        if not active[e]:
+            continue
+        ran = ticks
+        for k in range(ticks):
+            episodes.smallest[e] = min(episodes.smallest[e], clearance[e - first, k])
+            if clearance[e - first, k] < d_min:  # it ends here: back to where the arms were
+                ran = k + 1
+                episodes.violated[e] = True
+                for i in range(episodes.lam.shape[1]):
+                    episodes.lam[e, i] = scratch.places[e - first, i, k]
+                    episodes.mu[e, i] = scratch.speeds[e - first, i, k]
+                    if episodes.arrival[e, i] > (episodes.ticks[e] + ran) * world.tick:
+                        episodes.arrival[e, i] = np.nan
+                break
+        episodes.ticks[e] += ran
 
 
 @njit
@@ -113,27 +188,22 @@ def joint_torques(
 @njit
 def control(
     world: World,
-    state: State,
-    commands: Array,
-    late: Array,
-    time: float,
+    places: Array,
     gain: float,
     measured: Array,
     reference: Array,
     demand: Array,
     torque: Array,
 ) -> None:
-    """One tick of references and of the joint controllers, from ``measured`` (2, A, n) to ``torque`` (A, n).
+    """One tick of the joint controllers, from ``measured`` (2, A, n) to ``torque`` (A, n); ``places`` (A,) at its end.
 
     ``reference`` (3, A, n): before, now, next; shifted here.
     """
     dt = world.tick
-    arms = demand.shape[0]
-    for i in range(arms):
-        move(rows_of(world, i), edges_of(world, i), state, i, commands[i], world.by_speed, late[i], time, dt)
+    for i in range(demand.shape[0]):
         n = world.size[i, 1]
         reference[0, i], reference[1, i] = reference[1, i], reference[2, i]
-        path_point(table_of(world, i), state.lam[i], reference[2, i][:n])
+        path_point(table_of(world, i), places[i], reference[2, i][:n])
         joint_torques(
             model_of(world, i),
             reference[0, i][:n],
@@ -176,12 +246,12 @@ def tip_positions(world: World, q: Array, out: Array) -> None:
 
 
 @njit
-def tracking_error(world: World, state: State, q: Array, error: Array) -> None:
+def tracking_error(world: World, lam: Array, q: Array, error: Array) -> None:
     """Distance [m] of every tip from its reference on the path, from measured ``q`` (A, n)."""
     for i in range(q.shape[0]):
         n, model = world.size[i, 1], model_of(world, i)
         wanted = np.empty(n)
-        path_point(table_of(world, i), state.lam[i], wanted)
+        path_point(table_of(world, i), lam[i], wanted)
         a, b = tip_of(model, q[i][:n]), tip_of(model, wanted)
         error[i] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
@@ -206,112 +276,184 @@ def _signed(share: float) -> float:
 
 
 @njit
-def _progress(world: World, state: State, i: int) -> tuple[float, float, float]:
-    """Shares of the path, of ``mu*`` and of the minimum time still to go, as signed entries."""
-    rows = rows_of(world, i)
-    lam = state.lam[i]
-    k = phase_kernels.locate(rows.station, lam)
-    w = (lam - rows.station[k]) / (rows.station[k + 1] - rows.station[k])
-    to_go = to_go_of(world, i)
-    edge = phase_kernels.edge_speed(rows, edges_of(world, i), lam)
-    return (
-        _signed(lam / rows.station[-1]),
-        _signed(state.mu[i] / edge if edge > 0.0 else 0.0),
-        _signed((to_go[k] + w * (to_go[k + 1] - to_go[k])) / world.scale[i, 0]),
-    )
+def _own(world: World, episodes: Episodes, first: int, last: int, active: Bools, scratch: Scratch) -> None:
+    """Fill ``scratch.own``."""
+    for i in range(episodes.lam.shape[1]):
+        steps, to_go = steps_of(world, i), to_go_of(world, i)
+        end, fastest, scale = steps[steps.shape[0] - 1, 0], world.scale[i, 0], world.scale[i, 1]
+        for e in range(first, last):
+            if not active[e]:
+                continue
+            lam, mu, own = episodes.lam[e, i], episodes.mu[e, i], scratch.own[e - first, i]
+            k = phase_kernels.find(steps, lam)
+            w = (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0])
+            edge = np.sqrt(max(steps[k, 5] + w * (steps[k, 6] - steps[k, 5]), 0.0))
+            lowest, highest = phase_kernels.bounds_in(steps, k, w, mu * mu, 0.0)
+            own[5] = to_go[k] + w * (to_go[k + 1] - to_go[k])
+            own[0] = _signed(lam / end)
+            own[1] = _signed(mu / edge if edge > 0.0 else 0.0)
+            own[2] = min(max(lowest / scale, -1.0), 1.0)
+            own[3] = min(max(highest / scale, -1.0), 1.0)
+            own[4] = _signed(own[5] / fastest)
 
 
 @njit
-def _next_region(world: World, state: State, i: int, j: int) -> tuple[float, float]:
-    """How far arm i is from the next region that arm j has not released, and how far j must go (shares of paths)."""
-    occupied, block = last_occupied(world, i, j), last_in_block(world, i, j)
-    rows = occupied.shape[0]
-    here = state.lam[i] / length_of(world, i)
-    row = min(int(here * rows), rows - 1)
-    while row < rows:
-        if row % BLOCK == 0 and block[row // BLOCK] < state.lam[j]:
-            row += BLOCK
-        elif occupied[row] >= state.lam[j]:
-            still = occupied[row] - state.lam[j]
-            return max(row / rows - here, 0.0), still / length_of(world, j)
-        else:
-            row += 1
-    return 1.0, 0.0
-
-
-@njit
-def observe(world: World, state: State, others: int, own_size: int, other_size: int, out: NDArray[np.float32]) -> None:
-    """Write the observations (A, size) of all arms in the order of ``ENTRIES`` (see ``_observation``)."""
-    arms = state.lam.shape[0]
-    progress = np.empty((arms, 3))
+def _pairs(world: World, episodes: Episodes, first: int, last: int, active: Bools, scratch: Scratch) -> None:
+    """Fill ``scratch.pair``: shares of paths, and the wait as a share of the own minimum time (-1: no region ahead)."""
+    arms = episodes.lam.shape[1]
     for i in range(arms):
-        progress[i, 0], progress[i, 1], progress[i, 2] = _progress(world, state, i)
-    out[:] = 0.0
-    for i in range(arms):
-        lowest, highest = phase_kernels.acceleration_bounds(rows_of(world, i), state.lam[i], state.mu[i] ** 2)
-        out[i, 0], out[i, 1], out[i, 4] = progress[i, 0], progress[i, 1], progress[i, 2]
-        out[i, 2] = min(max(lowest / world.scale[i, 1], -1.0), 1.0)
-        out[i, 3] = min(max(highest / world.scale[i, 1], -1.0), 1.0)
-        taken = np.zeros(arms, np.bool_)
-        taken[i] = True
-        for slot in range(min(others, arms - 1)):
-            best, distance, release = -1, np.inf, 0.0
-            for j in range(arms):
-                if not taken[j]:
-                    way, still = _next_region(world, state, i, j)
-                    if way < distance:
-                        best, distance, release = j, way, still
-            taken[best] = True
-            base = own_size + slot * other_size
-            out[i, base], out[i, base + 1], out[i, base + 2] = 1.0, _signed(distance), _signed(release)
-            out[i, base + 3], out[i, base + 4], out[i, base + 5] = (
-                progress[best, 0],
-                progress[best, 1],
-                progress[best, 2],
-            )
+        for j in range(arms):
+            if i == j:
+                continue
+            occupied, block, waits = last_occupied(world, i, j), last_in_block(world, i, j), waits_of(world, i, j)
+            rows, length, other = occupied.shape[0], length_of(world, i), length_of(world, j)
+            for e in range(first, last):
+                if not active[e]:
+                    continue
+                here, there, pair = episodes.lam[e, i] / length, episodes.lam[e, j], scratch.pair[e - first, i, j]
+                begin = min(int(here * rows), rows - 1)
+                pair[0], pair[1], pair[2] = 1.0, 0.0, -1.0
+                row = begin if waits[begin, 1] > -np.inf else rows  # nothing ahead at all
+                while row < rows:
+                    if row % BLOCK == 0 and block[row // BLOCK] < there:
+                        row += BLOCK
+                    elif occupied[row] >= there:
+                        pair[0], pair[1] = max(row / rows - here, 0.0), (occupied[row] - there) / other
+                        own = scratch.own[e - first, i, 5]
+                        wait = scratch.own[e - first, j, 5] - own + max(own - waits[begin, 0], waits[begin + 1, 1])
+                        pair[2] = min(max(wait / world.scale[i, 0], -1.0), 1.0)
+                        break
+                    else:
+                        row += 1
 
 
 @njit
-def run_ideal(
+def observe(
     world: World,
-    state: State,
-    d_min: float,
-    commands: Array,
-    late: Array,
-    first_tick: int,
-    ticks: int,
-    record: Array,
+    episodes: Episodes,
+    first: int,
+    last: int,
+    active: Bools,
+    noise: float,
     others: int,
     own_size: int,
     other_size: int,
-    observation: NDArray[np.float32],
-) -> tuple[int, bool, float]:
-    """Run ticks without physics; stops at the first one that ends closer than ``d_min``.
+    scratch: Scratch,
+    out: NDArray[np.float32],
+) -> None:
+    """Write the observations (E, A, size) of all arms in the order of ``ENTRIES`` (see ``_observation``).
 
-    ``record`` (ticks, 2 A + 1): lam, mu of all arms, clearance; ``observation``: as ``observe``, in the same call
-    because calls cost more than ticks. Returns ticks run, whether one violated, and the smallest clearance.
+    ``noise``: standard deviation of what is added to every entry that is not 0/1-valued or padding.
     """
-    arms = commands.shape[0]
-    ran, violated, smallest = ticks, False, np.inf
-    for i in range(arms):  # one after the other: they do not feel each other
-        rows, edges = rows_of(world, i), edges_of(world, i)
-        for k in range(ticks):
-            time = (first_tick + k) * world.tick
-            move(rows, edges, state, i, commands[i], world.by_speed, late[i], time, world.tick)
-            record[k, i], record[k, arms + i] = state.lam[i], state.mu[i]
-    for k in range(ticks):
-        nearest = np.inf
-        for p in range(world.clearance.shape[0]):
-            i, j = world.clearance[p, 0], world.clearance[p, 1]
-            nearest = min(nearest, tabulated_clearance(clearance_of(world, p), record[k, i], record[k, j]))
-        record[k, 2 * arms] = nearest
-        smallest = min(smallest, nearest)
-        if nearest < d_min:  # it ends here: back to where the arms were
-            ran, violated = k + 1, True
+    arms = episodes.lam.shape[1]
+    for begin in range(first, last, scratch.own.shape[0]):
+        until = min(begin + scratch.own.shape[0], last)
+        _own(world, episodes, begin, until, active, scratch)
+        _pairs(world, episodes, begin, until, active, scratch)
+        for e in range(begin, until):
+            if not active[e]:
+                continue
+            b = e - begin
+            own, pair = scratch.own[b], scratch.pair[b]
             for i in range(arms):
-                state.lam[i], state.mu[i] = record[k, i], record[k, arms + i]
-                if state.arrival[i] > (first_tick + ran) * world.tick:
-                    state.arrival[i] = np.nan
-            break
-    observe(world, state, others, own_size, other_size, observation)
-    return ran, violated, smallest
+                for k in range(own_size):
+                    out[e, i, k] = own[i, k]
+                for k in range(own_size, out.shape[2]):
+                    out[e, i, k] = 0.0
+                taken = -1  # the slots hold the others, the nearest region first; equal ones in their order
+                for slot in range(min(others, arms - 1)):
+                    best = -1
+                    for j in range(arms):
+                        behind = taken < 0 or pair[i, j, 0] > pair[i, taken, 0] or (
+                            pair[i, j, 0] == pair[i, taken, 0] and j > taken
+                        )
+                        if j != i and behind and (best < 0 or pair[i, j, 0] < pair[i, best, 0]):
+                            best = j
+                    taken = best
+                    base = own_size + slot * other_size
+                    out[e, i, base] = 1.0
+                    out[e, i, base + 1], out[e, i, base + 2] = _signed(pair[i, best, 0]), _signed(pair[i, best, 1])
+                    out[e, i, base + 3], out[e, i, base + 4] = own[best, 0], own[best, 1]
+                    out[e, i, base + 5] = own[best, 4]
+                    out[e, i, base + 6], out[e, i, base + 7] = pair[i, best, 2], pair[best, i, 2]
+                if noise > 0.0:
+                    key, number, step = episodes.key[e], episodes.number[e], episodes.steps[e]
+                    for k in range(own_size + min(others, arms - 1) * other_size):
+                        if k < own_size or (k - own_size) % other_size > 0:
+                            value = out[e, i, k] + noise * normal(key, number, step, NOISE, i * out.shape[2] + k)
+                            out[e, i, k] = min(max(value, -1.0), 1.0)
+
+
+@njit
+def _reward(
+    world: World,
+    episodes: Episodes,
+    e: int,
+    reference_time: float,
+    time_limit: float,
+    team: bool,
+    rewards: Array,
+    terminated: Bools,
+    truncated: Bools,
+) -> None:
+    """Rewards and ends of one episode after a period; the terms of ``_reward``, in the same order, so the same bits."""
+    arms, violated = episodes.lam.shape[1], episodes.violated[e]
+    time = episodes.ticks[e] * world.tick
+    late = time >= time_limit - 1e-9
+    progress, left, latest = 0.0, 0.0, 0.0
+    for i in range(arms):
+        lam, arrival, length = episodes.lam[e, i], episodes.arrival[e, i], length_of(world, i)
+        arrived = not np.isnan(arrival)
+        until = arrival if arrived else time
+        moved = (lam - episodes.rewarded[e, i]) / length
+        collision = -(2.0 + (1.0 - lam / length)) if violated else 0.0
+        progress, left, latest = progress + moved / arms, left + (1.0 - lam / length) / arms, max(latest, until)
+        before = terminated[e, i]
+        rewards[e, i] = 0.0
+        if not before:
+            rewards[e, i] = moved + -(until - episodes.charged[e, i]) / reference_time + collision
+        terminated[e, i] = before or arrived or violated
+        truncated[e, i] = late and not terminated[e, i]
+        episodes.rewarded[e, i] = lam
+        if not team:
+            episodes.charged[e, i] = until
+    if team:
+        together = progress - (latest - episodes.charged[e, 0]) / reference_time - (2.0 + left if violated else 0.0)
+        for i in range(arms):
+            rewards[e, i] = together
+            episodes.charged[e, i] = latest
+
+
+@unlocked
+def run_periods(
+    world: World,
+    episodes: Episodes,
+    first: int,
+    last: int,
+    active: Bools,
+    commands: Array,
+    d_min: float,
+    reference_time: float,
+    time_limit: float,
+    team: bool,
+    noise: float,
+    others: int,
+    own_size: int,
+    other_size: int,
+    scratch: Scratch,
+    observations: NDArray[np.float32],
+    rewards: Array,
+    terminated: Bools,
+    truncated: Bools,
+) -> None:
+    """One control period of the active ones of episodes first..last - 1, without physics; commands (E, A)."""
+    span = scratch.places.shape[0]
+    for begin in range(first, last, span):
+        until = min(begin + span, last)
+        move(world, episodes, begin, until, active, commands, scratch)
+        watch(world, episodes, begin, until, active, d_min, scratch)
+        for e in range(begin, until):
+            if active[e]:
+                episodes.steps[e] += 1
+                _reward(world, episodes, e, reference_time, time_limit, team, rewards, terminated, truncated)
+        observe(world, episodes, begin, until, active, noise, others, own_size, other_size, scratch, observations)

@@ -39,6 +39,12 @@ OTHER = (
     Entry("progress", -1.0, 1.0, "its position on its path, start -1, end 1"),
     Entry("speed", -1.0, 1.0, "its mu as a share of its mu*; 0 is -1"),
     Entry("time_to_go", -1.0, 1.0, "what its minimum-time motion still takes as a share of its T; none is -1"),
+    Entry(
+        "wait", -1.0, 1.0,
+        "how long to wait so that the minimum-time motion from here passes behind its one from where it is, as a share "
+        "of T; 0 and less: no need; no region ahead is -1",
+    ),
+    Entry("lead", -1.0, 1.0, "the same of it behind this arm, as a share of its T"),
 )
 ENTRIES = (
     *OWN,
@@ -48,7 +54,7 @@ SIZE = len(ENTRIES)
 
 
 def observation_space(entries: Sequence[Entry] = ENTRIES) -> Box:
-    """The space of observations of these entries, float32; of one arm's among others (17,)."""
+    """The space of observations of these entries, float32; of one arm's among others (21,)."""
     return Box(
         np.array([entry.low for entry in entries], dtype=np.float32),
         np.array([entry.high for entry in entries], dtype=np.float32),

@@ -108,6 +108,17 @@ class Scene:
                     physicsClientId=self.client,
                 )  # fmt: skip
 
+    def rub(self, factor: float) -> None:
+        """Make damping and dry friction of every driven joint so many times as large as the arm's."""
+        for body, joints, arm in zip(self.bodies, self.joints, self.cell.arms, strict=True):
+            for k, joint in enumerate(joints):
+                pybullet.setJointMotorControl2(
+                    body, joint, pybullet.VELOCITY_CONTROL, force=factor * float(arm.coulomb[k]),
+                    physicsClientId=self.client,
+                )  # fmt: skip
+                damping = factor * float(arm.damping[k])
+                pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=self.client)
+
     def place(self, q: Array) -> None:
         """Put every arm at rest at ``q`` (A, n)."""
         for body, joints, row in zip(self.bodies, self.joints, q.tolist(), strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import combinations, permutations
 from typing import Any, final
 
@@ -82,12 +83,18 @@ def _candidates(
     else:
         ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
         rows = [orders.of_ranks(rank) for rank in ranks]
-        if cell.priority_class == "mixed":
-            try:
+        if not any(_leads_on(orders, row) for row in rows):
+            with suppress(InfeasibleError):  # the error is for whoever starts an episode
                 rows.append(orders.of_precedence(precedence(schedule(cell, "optimal"))))
-            except InfeasibleError:
-                pass  # what is left to begin with is decided from where the arms are
     return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
+
+
+def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
+    try:
+        orders.precedence(row).check_deadlock_free()
+    except InfeasibleError:
+        return False
+    return True
 
 
 def shield_work(cell: Cell, regions: int) -> ShieldWork:
@@ -101,6 +108,7 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
         after=np.zeros((2, arms, 3)),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
+        speeds=np.zeros(ticks),
     )
 
 

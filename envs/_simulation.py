@@ -7,19 +7,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import combinations
-from typing import Literal, final
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._bullet import pybullet
-from armtempo.envs._kernels import control, moved_closer, observe, run_ideal, tip_positions, tracking_error
+from armtempo.envs._disturbance import Disturbance, Range, as_noise, describe, draw, draws_of, stops_of
+from armtempo.envs._kernels import (
+    control,
+    move,
+    moved_closer,
+    observe,
+    run_periods,
+    scratch_for,
+    tip_positions,
+    tracking_error,
+)
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._scene import Scene
-from armtempo.envs._world import State, World, pack
+from armtempo.envs._world import World, episodes_of, ideal_world, pack
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, Mode, clearance_table
+from armtempo.planners import Cell, Mode
 from armtempo.robots import Arm
 
 Array = NDArray[np.float64]
@@ -31,7 +40,6 @@ CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the ti
 SETTLED_DISTANCE = 1e-3  # [m] of the tip from its goal, and
 SETTLED_SPEED = 1e-2  # [m/s] of the tip,
 SETTLED_TIME = 0.020  # [s] for which both must hold
-IDEAL_FCL_BELOW = 0.05  # [m] above d_min: nearer than this the ideal clearance table asks FCL, not capsules
 
 
 def _levers(arm: Arm) -> Array:
@@ -41,6 +49,14 @@ def _levers(arm: Arm) -> Array:
     q_max = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
     most: Array = arm.levers(reach, q_max).max(axis=1, initial=0.0)
     return most
+
+
+def _check_errors(physics: Physics, model_error: float, friction_error: float) -> None:
+    for name, value in (("model_error", model_error), ("friction_error", friction_error)):
+        if not (math.isfinite(value) and value > -1.0):
+            raise InputError(f"{name} must be a finite share above -1, got {value!r}", remedy="give 0 for none")
+        if value and physics != "bullet":
+            raise InputError(f"{name} is for simulated bodies, physics is {physics!r}", remedy='use physics="bullet"')
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -106,6 +122,14 @@ class Simulation:
             without tracking error, clearance from a table.
         mode: What a command in [0, 1] means, see ``PhasePlane.advance``.
         record: Keep a trace.
+        disturbance: What may go wrong with arms (see ``Disturbance``), or the name of a family of it.
+        observation_noise: Standard deviation of normal noise on every entry that is not 0/1-valued or padding, clipped
+            into the space.
+        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest). Draws closer than
+            plans allow, or where an arm cannot stand, are drawn again, at most 32 times; then all start at 0.
+        master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
+        model_error: In ``bullet``, by what share the simulated bodies are heavier than the plans' (-0.1: lighter).
+        friction_error: In ``bullet``, by what share the joints' damping and dry friction are larger.
 
     Attributes:
         lam, mu: (A,) the references now.
@@ -115,21 +139,39 @@ class Simulation:
         min_clearance: Smallest clearance so far [m].
     """
 
-    def __init__(self, cell: Cell, *, physics: Physics = "bullet", mode: Mode = "speed", record: bool = False) -> None:
+    def __init__(
+        self,
+        cell: Cell,
+        *,
+        physics: Physics = "bullet",
+        mode: Mode = "speed",
+        record: bool = False,
+        disturbance: str | Disturbance | None = None,
+        observation_noise: float = 0.0,
+        start_phase: float | Range = 0.0,
+        master_late_s: float | Range = 0.0,
+        model_error: float = 0.0,
+        friction_error: float = 0.0,
+    ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError("physics", str(physics), PHYSICS)
         if mode not in MODES:
             raise UnknownNameError("mode", str(mode), MODES)
         self.cell, self.physics, self.mode, self.record = cell, physics, mode, record
+        self._draws = draws_of(cell, disturbance, start_phase, master_late_s)
+        self._noise = as_noise(observation_noise)
+        _check_errors(physics, model_error, friction_error)
         arms = len(cell.arms)
         width = max(arm.dof for arm in cell.arms)
-        tables = []
-        if physics == "ideal":
-            below = cell.d_min + IDEAL_FCL_BELOW
-            for i, j in combinations(range(arms), 2):
-                tables.append((i, j, clearance_table(i, j, cell.arms, cell.paths, below)))
-        self._world = pack(cell, mode, tables)
+        tables = physics == "ideal" or self._draws.phase[1] > 0.0
+        self._world = ideal_world(cell, mode) if tables else pack(cell, mode)
+        self._episodes = episodes_of(1, arms, stops_of(self._draws))
+        self._scratch = scratch_for(1, arms, cell.ticks_per_period)
+        self._active = np.ones(1, dtype=np.bool_)
+        self._unused = np.zeros((1, arms)), np.zeros((1, arms), dtype=np.bool_), np.zeros((1, arms), dtype=np.bool_)
+        self.lam, self.mu = self._episodes.lam[0], self._episodes.mu[0]
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
+        self._lengths = np.array([path.length for path in cell.paths])
         self._starts = np.zeros((arms, width))
         self._goals = np.zeros((arms, 3))
         goals = np.zeros((arms, width))
@@ -145,8 +187,7 @@ class Simulation:
             self._lever[i, : arm.dof] = _levers(arm)
         self._torque, self._demand = np.zeros((arms, width)), np.zeros((arms, width))
         self._reference = np.zeros((3, arms, width))
-        self._block = np.empty((cell.ticks_per_period, 2 * arms + 1))  # a row per tick of a period, for ideal runs
-        self._observation = np.zeros((arms, SIZE), dtype=np.float32)
+        self._observation = np.zeros((1, arms, SIZE), dtype=np.float32)
         self._tips, self._tips_before, self._error = np.zeros((arms, 3)), np.zeros((arms, 3)), np.zeros(arms)
         self._scene: Scene | None = None
         if physics == "bullet":
@@ -155,25 +196,40 @@ class Simulation:
             pybullet.setPhysicsEngineParameter(
                 numSolverIterations=10, deterministicOverlappingPairs=1, physicsClientId=self._scene.client
             )
+            if model_error:
+                self._scene.weigh(1.0 + model_error)
+            if friction_error:
+                self._scene.rub(1.0 + friction_error)
         self.reset()
 
-    def reset(self, late: ArrayLike = 0.0) -> None:
-        """Back to the start, at rest; ``late`` (A,) [s]: how long each arm stands before it obeys its commands."""
-        arms = len(self.cell.arms)
-        self._late = np.broadcast_to(np.asarray(late, dtype=np.float64), (arms,)).copy()
-        self._state = State(np.zeros(arms), np.zeros(arms), np.full(arms, np.nan))
-        self.lam, self.mu = self._state.lam, self._state.mu
+    def reset(self, late: ArrayLike | None = 0.0, *, key: int = 0, number: int = 0) -> None:
+        """Back to the start, at rest; all that is drawn belongs to ``key`` (64 bits) and the ``number`` of the episode.
+
+        ``late`` (A,) [s]: how long each arm stands before it obeys its commands, besides its disturbance; None: the
+        first one as drawn from ``master_late_s``.
+        """
+        arms, episodes = len(self.cell.arms), self._episodes
+        episodes.key[0], episodes.number[0] = key, number
+        draw(self._world, self._draws, episodes, 0, -1.0 if late is None else 0.0)
+        if late is not None:
+            episodes.late[0] += np.asarray(late, dtype=np.float64)
+        starts = self._starts
+        if self.lam.any():
+            starts = np.zeros_like(self._starts)
+            for i, path in enumerate(self.cell.paths):
+                starts[i, : path.dof] = path.evaluate(self.lam[i])[0]
         self.arrival = np.full(arms, np.nan)
         self._settled_since = np.full(arms, np.nan)
         self._ticks = 0
         self.violated = False
         self._violations = 0
-        self._q[:], self._qd[:] = self._starts, 0.0
-        self._reference[:] = self._starts
+        self._q[:], self._qd[:] = starts, 0.0
+        self._reference[:] = starts
         if self._scene is not None:
-            self._scene.place(self._starts)
-        nearest = self._nearest(math.inf)
+            self._scene.place(starts)
+        nearest = float(episodes.smallest[0]) if self.physics == "ideal" else self._nearest(math.inf)
         self.min_clearance = nearest
+        self._drawn = describe(episodes, 0, self._lengths)
         self._rows: list[tuple[Array, ...]] = []
         if self.record:
             zero = np.zeros_like(self._torque)
@@ -194,19 +250,26 @@ class Simulation:
     @property
     def uncertain(self) -> NDArray[np.bool_]:
         """(A,) arms that may do less than they are told in this episode."""
-        return self._late > 0.0
+        episodes = self._episodes
+        stops = (episodes.stops[0, :, :, 1] > episodes.stops[0, :, :, 0]).any(axis=1)
+        return (episodes.late[0] > 0.0) | (episodes.speed[0] < 1.0) | stops
 
     def tracking_error(self) -> Array:
         """(A,) how far the tips are from their references now [m]."""
         error = np.zeros(self.arms)
         if self.physics == "bullet":
-            tracking_error(self._world, self._state, self._q, error)
+            tracking_error(self._world, self.lam, self._q, error)
         return error
 
     @property
     def arms(self) -> int:
         """Number of arms."""
         return len(self.cell.arms)
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """What the last reset drew: late_s, speed and start_phase of every arm, its stops_s (from, until)."""
+        return self._drawn
 
     def _nearest(self, cutoff: float) -> float:
         """Smallest distance of two arms; above ``cutoff`` it may be a lower bound.
@@ -227,37 +290,50 @@ class Simulation:
 
     def step(self, commands: Array) -> None:
         """Run one control period under ``commands`` (A,) in [0, 1]; stops at the first tick with a violation."""
+        commands = np.asarray(commands, dtype=np.float64).reshape(1, -1)
         if self.physics == "ideal":
             self._step_ideal(commands)
         else:
-            for _ in range(len(self._block)):
-                self._tick_bullet(commands)
-                if self.violated:
-                    break
+            self._step_bullet(commands)
 
     def _step_ideal(self, commands: Array) -> None:
-        ran, self.violated, smallest = run_ideal(
-            self._world, self._state, self._d_min, commands, self._late, self._ticks, len(self._block), self._block,
-            OTHERS, len(OWN), len(OTHER), self._observation,
+        episodes, began = self._episodes, self._ticks
+        run_periods(
+            self._world, episodes, 0, 1, self._active, commands, self._d_min, 1.0, math.inf, False, self._noise,
+            OTHERS, len(OWN), len(OTHER), self._scratch, self._observation, *self._unused,
         )  # fmt: skip
-        self._ticks += ran
+        self._ticks = int(episodes.ticks[0])
+        self.violated = bool(episodes.violated[0])
         self._violations += self.violated
-        self.arrival[:] = self._state.arrival
-        self.min_clearance = min(self.min_clearance, smallest)
+        self.arrival[:] = episodes.arrival[0]
+        self.min_clearance = float(episodes.smallest[0])
         if self.record:
-            arms = self.arms
+            places, speeds, clearance = self._scratch.places[0], self._scratch.speeds[0], self._scratch.clearance[0]
             self._rows += [
-                (row[:arms].copy(), row[arms : 2 * arms].copy(), *[np.empty(0)] * 3, row[-1:].copy(), np.zeros(arms))
-                for row in self._block[:ran]
-            ]
+                (places[:, k].copy(), speeds[:, k].copy(), *[np.empty(0)] * 3, clearance[k : k + 1].copy(),
+                 np.zeros(self.arms))
+                for k in range(self._ticks - began)
+            ]  # fmt: skip
 
-    def _tick_bullet(self, commands: Array) -> None:
+    def _step_bullet(self, commands: Array) -> None:
+        """The references of the period are those of ``ideal``; the arms follow them tick by tick."""
+        episodes, scratch = self._episodes, self._scratch
+        move(self._world, episodes, 0, 1, self._active, commands, scratch)
+        for k in range(scratch.places.shape[2]):
+            self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
+            self._tick_bullet()
+            if self.violated:
+                episodes.violated[0] = True
+                break
+        episodes.ticks[0] = self._ticks
+        episodes.steps[0] += 1
+
+    def _tick_bullet(self) -> None:
         assert self._scene is not None
         tick = self._tick
         control(
-            self._world, self._state, commands, self._late, self.time, CONTROLLER_GAIN / tick, self._measured,
-            self._reference, self._demand, self._torque,
-        )  # fmt: skip
+            self._world, self.lam, CONTROLLER_GAIN / tick, self._measured, self._reference, self._demand, self._torque
+        )
         self._scene.push(self._torque)
         self._scene.read(self._q, self._qd)
         self._ticks += 1
@@ -266,10 +342,10 @@ class Simulation:
         if nearest < self._d_min:
             self.violated = True
             self._violations += 1
-        if not np.isnan(self._state.arrival).all():
+        if (self._episodes.arrival[0] <= self.time + 1e-12).any():
             self._settle(tick)
         if self.record:
-            tracking_error(self._world, self._state, self._q, self._error)
+            tracking_error(self._world, self.lam, self._q, self._error)
             self._rows.append(
                 (
                     self.lam.copy(),
@@ -288,16 +364,20 @@ class Simulation:
         tip_positions(self._world, self._q, self._tips)
         speed = np.linalg.norm(self._tips - self._tips_before, axis=1) / tick
         distance = np.linalg.norm(self._tips - self._goals, axis=1)
-        calm = ~np.isnan(self._state.arrival) & (distance < SETTLED_DISTANCE) & (speed < SETTLED_SPEED)
+        arrived = self._episodes.arrival[0]
+        calm = (arrived <= self.time + 1e-12) & (distance < SETTLED_DISTANCE) & (speed < SETTLED_SPEED)
         self._settled_since = np.where(calm, np.fmin(self._settled_since, self.time), np.nan)
         done = np.isnan(self.arrival) & (self.time - self._settled_since >= SETTLED_TIME - 1e-9)
-        self.arrival[done] = np.maximum(self._state.arrival, self._settled_since)[done]
+        self.arrival[done] = np.maximum(arrived, self._settled_since)[done]
 
     def observe(self) -> NDArray[np.float32]:
-        """(A, 17) observations of all arms, in the order of ``ENTRIES``; a new array."""
+        """(A, 21) observations of all arms, in the order of ``ENTRIES``; a new array."""
         if self.physics == "bullet" or self._ticks == 0:
-            observe(self._world, self._state, OTHERS, len(OWN), len(OTHER), self._observation)
-        return self._observation.copy()
+            observe(
+                self._world, self._episodes, 0, 1, self._active, self._noise, OTHERS, len(OWN), len(OTHER),
+                self._scratch, self._observation,
+            )  # fmt: skip
+        return self._observation[0].copy()
 
     def joint_positions(self) -> Array:
         """(A, n) joint positions now: measured, or on the path without physics [rad]."""

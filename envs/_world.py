@@ -7,46 +7,72 @@ little, and the functions below cut the arrays out again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.planners import Cell, ClearanceTable, Mode, PathTable, phase_kernels
+from armtempo.planners import Cell, ClearanceTable, Mode, PathTable, PhaseTrajectory, clearance_table, phase_kernels
 from armtempo.robots import ArmModel, njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Fields of the buffer, per arm: eleven of the phase plane, the time to go, five of the path table, twelve of the arm.
+# Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
+FCL_BELOW = 0.05  # [m] above d_min: nearer than this the clearance tables ask FCL, not capsules
 BLOCK = 64
-_ROWS, _EDGES, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 7, 11, 12, 17, 29
+_ROWS, _EDGES, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 7, 12, 13, 18, 30
 
 
 class World(NamedTuple):
     """What does not change during an episode; A arms, n joints at most."""
 
     buffer: Array
-    offset: Ints  # (A, 29) where each field of an arm begins
+    offset: Ints  # (A, 30) where each field of an arm begins
     size: Ints  # (A, 4) stations, joints, stations of the path table, rows of limits
     prismatic: NDArray[np.bool_]  # (A, n)
     torque_max: Array  # (A, n) true limits; plans may keep a reserve
     coulomb: Array  # (A, n) dry friction
     scale: Array  # (A, 2) minimum time [s], acceleration that counts as 1
-    region: Ints  # (A, A, 3) [i, j]: R rows along arm i's path, where ``last_occupied`` and ``last_in_block`` begin
+    region: Ints  # (A, A, 4) [i, j]: R rows along arm i's path, where ``last_occupied``, ``last_in_block``, ``waits`` begin
     clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
     nodes: int
     by_speed: bool
     tick: float
 
 
-class State(NamedTuple):
-    """What does: one entry per arm."""
+class Episodes(NamedTuple):
+    """What does: E episodes at once, A arms, at most S stops. Simulations of one episode have E = 1."""
 
-    lam: Array
-    mu: Array
-    arrival: Array  # instant at which the reference arrived [s], nan before
+    lam: Array  # (E, A)
+    mu: Array  # (E, A)
+    arrival: Array  # (E, A) instant at which the reference arrived [s], nan before
+    ticks: Ints  # (E,) since the start
+    steps: Ints  # (E,) control periods since the start
+    violated: NDArray[np.bool_]  # (E,)
+    smallest: Array  # (E,) clearance so far [m]
+    key: NDArray[np.uint64]  # (E,) of the random numbers
+    number: Ints  # (E,) which episode of its environment it is
+    late: Array  # (E, A) how long the arm stands before it obeys [s]
+    speed: Array  # (E, A) share of its commands that it obeys
+    stops: Array  # (E, A, S, 2) when it brakes instead [s]: from, until
+    rewarded: Array  # (E, A) place at the last reward
+    charged: Array  # (E, A) instant at the last reward [s]
+
+
+def episodes_of(count: int, arms: int, stops: int) -> Episodes:
+    """Episodes of so many arms that stand at their starts, undisturbed."""
+    def each(value: float = 0.0) -> Array:
+        return np.full((count, arms), value)
+
+    return Episodes(
+        lam=each(), mu=each(), arrival=each(np.nan),
+        ticks=np.zeros(count, dtype=np.int64), steps=np.zeros(count, dtype=np.int64),
+        violated=np.zeros(count, dtype=np.bool_), smallest=np.full(count, np.inf),
+        key=np.zeros(count, dtype=np.uint64), number=np.full(count, -1, dtype=np.int64),
+        late=each(), speed=each(1.0), stops=np.zeros((count, arms, stops, 2)), rewarded=each(), charged=each(),
+    )  # fmt: skip
 
 
 def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceTable]] = ()) -> World:
@@ -66,15 +92,15 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
 
     # The functions below cut the fields out again by their places.
     assert phase_kernels.Rows._fields == ("station", "a", "b", "r", "low", "high", "x_cap")
-    assert phase_kernels.Edges._fields == ("low", "high", "low_next", "high_next")
+    assert phase_kernels.Edges._fields == ("low", "high", "low_next", "high_next", "steps")
     assert PathTable._fields == ("station", "q", "dq", "ddq", "ddq_before")
     assert len(ArmModel._fields) == 1 + _FIELDS - _MODEL
     assert ArmModel._fields[3] == "prismatic"
     for i, (arm, plane, path, motion) in enumerate(zip(cell.arms, cell.planes, cell.paths, cell.fastest, strict=True)):
         table = path.table()
         model = [field for name, field in arm.model._asdict().items() if name != "prismatic"]
-        to_go = motion.duration - motion.time_at(plane.rows.station)
-        for k, field in enumerate([*plane.rows, *plane.edges, to_go, *table, *model]):
+        fields = [*plane.rows, *plane.edges, _to_go(motion, plane.rows.station), *table, *model]
+        for k, field in enumerate(fields):
             offset[i, k] = put(field)
         size[i] = len(plane.rows.station), arm.dof, len(table.station), plane.rows.a.shape[1]
         prismatic[i, : arm.dof], torque_max[i, : arm.dof] = arm.model.prismatic, arm.torque_max
@@ -82,13 +108,15 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
     places = [(i, j, put(table.distance)) for i, j, table in clearances]
     minimum = np.array([motion.duration for motion in cell.fastest])
     lengths = np.array([path.length for path in cell.paths])
-    region = np.zeros((arms, arms, 3), dtype=np.int64)
+    region = np.zeros((arms, arms, 4), dtype=np.int64)
+    to_go = [_to_go(motion, plane.rows.station) for motion, plane in zip(cell.fastest, cell.planes, strict=True)]
     for i, j in permutations(range(arms), 2):
         chart = cell.chart_between(j, i)
         border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
         last = np.where(chart.last_column >= 0, border, -1.0)
         blocks = np.maximum.reduceat(last, np.arange(0, len(last), BLOCK))
-        region[i, j] = len(last), put(last), put(blocks)
+        waits = _waits(to_go[i], to_go[j], last, *(cell.planes[k].rows.station for k in (i, j)))
+        region[i, j] = len(last), put(last), put(blocks), put(waits)
     return World(
         buffer=np.concatenate(parts),
         offset=offset,
@@ -103,6 +131,40 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
         by_speed=mode == "speed",
         tick=cell.physics_tick,
     )
+
+
+def ideal_world(cell: Cell, mode: Mode) -> World:
+    """A cell packed with the clearance table of every pair of arms."""
+    below = cell.d_min + FCL_BELOW
+    pairs = combinations(range(len(cell.arms)), 2)
+    return pack(cell, mode, [(i, j, clearance_table(i, j, cell.arms, cell.paths, below)) for i, j in pairs])
+
+
+def _to_go(motion: PhaseTrajectory, station: Array) -> Array:
+    """(N,) what a minimum-time motion still takes from each station [s]."""
+    out: Array = motion.duration - motion.time_at(station)
+    return out
+
+
+def _waits(own: Array, other: Array, last: Array, own_station: Array, other_station: Array) -> Array:
+    """(R + 1, 2) per row: the other's time to go when it leaves the row for good, and what that asks of the own arm.
+
+    With times to go ``g_i`` and ``g_j`` (linear between stations), arm i at ``lam_i`` gets to row s (beginning at
+    ``b_s``) in ``g_i(lam_i) - g_i(b_s)``, and arm j leaves it in ``g_j(lam_j) - g_j(last_s)``. So i has to wait
+
+        g_j(lam_j) - g_i(lam_i) + max over the rows s from where it is of (g_i(b_s) - g_j(last_s))
+
+    to pass behind j. Column 0: ``g_j(last_s)`` (inf: never occupied); column 1: the maximum over s and all later rows.
+    """
+    count = len(last)
+    begins = np.arange(count) * (own_station[-1] / count)
+    leaves = np.where(last >= 0.0, np.interp(last, other_station, other), np.inf)
+    asked = np.interp(begins, own_station, own) - leaves
+    out = np.full((count + 1, 2), np.inf)
+    out[:-1, 0] = leaves
+    out[:-1, 1] = np.maximum.accumulate(asked[::-1])[::-1]
+    out[-1, 1] = -np.inf
+    return out
 
 
 @njit
@@ -136,7 +198,16 @@ def edges_of(world: World, i: int) -> phase_kernels.Edges:
         b[o[e + 1] : o[e + 1] + N],
         b[o[e + 2] : o[e + 2] + N - 1],
         b[o[e + 3] : o[e + 3] + N - 1],
+        steps_of(world, i),
     )
+
+
+@njit
+def steps_of(world: World, i: int) -> Array:
+    """``edges_of(world, i).steps``, what ``phase_kernels.run`` needs."""
+    N, o = world.size[i, 0], world.offset[i, _EDGES + 4]
+    K = phase_kernels.FIXED + 11 * world.size[i, 3]
+    return world.buffer[o : o + N * K].reshape(N, K)
 
 
 @njit
@@ -193,6 +264,13 @@ def last_in_block(world: World, i: int, j: int) -> Array:
     """(R / BLOCK,) the largest of BLOCK rows of it."""
     o = world.region[i, j, 2]
     return world.buffer[o : o + (world.region[i, j, 0] + BLOCK - 1) // BLOCK]
+
+
+@njit
+def waits_of(world: World, i: int, j: int) -> Array:
+    """(R + 1, 2) per row along arm i's path what it has to wait for arm j there and from there on; see ``_waits``."""
+    o, R = world.region[i, j, 3], world.region[i, j, 0]
+    return world.buffer[o : o + 2 * R + 2].reshape(R + 1, 2)
 
 
 @njit

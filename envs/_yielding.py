@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, final
 
@@ -10,6 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from armtempo.envs._disturbance import Disturbance, Range, as_range
 from armtempo.envs._episode import Episode, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
@@ -30,7 +32,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
 
-    **Observation**, Box, (17,) float32, the same for every cell:
+    **Observation**, Box, (21,) float32, the same for every cell:
 
     {table}
 
@@ -40,7 +42,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
 
-    **Start**: all arms at rest at the start of their paths; the first is late by ``master_late_s``, if a range is given
+    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); the first is late by ``master_late_s``, if a range is given
     drawn anew for every episode.
 
     **End**: *terminated* on arrival of the learning arm, and on a violation of ``d_min``; *truncated* at five times the
@@ -59,6 +61,12 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
         max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep an ``EpisodeTrace``.
+        disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
+            (of the first arm), or a ``Disturbance``; none: None.
+        observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
+        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from.
+        model_error: In ``bullet``: by what share the simulated bodies are heavier than the plans'.
+        friction_error: In ``bullet``: by what share damping and dry friction of the joints are larger.
         shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
             ``info["shield"]``. Arms at full speed then pass first everywhere: where that leads on, else make it with
             ``others="optimal"``.
@@ -82,29 +90,31 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         master_late_s: float | tuple[float, float] = 0.0,
         max_episode_s: float | None = None,
         record: bool = False,
+        disturbance: str | Disturbance | None = None,
+        observation_noise: float = 0.0,
+        start_phase: float | Range = 0.0,
+        model_error: float = 0.0,
+        friction_error: float = 0.0,
         shield: bool = False,
         shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
-        low, high = master_late_s if isinstance(master_late_s, tuple | list) else (master_late_s, master_late_s)
-        if not (np.isfinite([low, high]).all() and 0.0 <= low <= high):
-            raise InputError(
-                f"master_late_s must be a time or a range in seconds, got {master_late_s}", remedy="give 0 or more"
-            )
+        as_range(master_late_s, "master_late_s", math.inf)
         self.cell = as_cell(cell)
-        names = [arm.name for arm in self.cell.arms]
-        if learner is not None and learner not in names:
-            raise UnknownNameError("arm", learner, names)
-        self._own = len(names) - 1 if learner is None else names.index(learner)
-        self._late = (float(low), float(high))
+        self._own = learner_of(self.cell, learner)
         self.render_mode = render_mode
-        self._episode = Episode(self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s)
+        self._episode = Episode(
+            self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s,
+            disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
+            master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
+        )  # fmt: skip
         self.observation_space: Box = observation_space()  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._running = self._closed = False
-        self._full_speed = np.ones(len(names))
-        self._others = _others(self.cell, others, mode)
+        self._full_speed = np.ones(len(self.cell.arms))
+        named = others is None or isinstance(others, str)
+        self._others = next(iter(others_of(self.cell, others, mode, 1)), None) if named else others
         self._shield = self.make_shield(shield_tube_m) if shield else None
 
     @property
@@ -136,10 +146,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._closed:
             raise InputError("the environment is closed", remedy="make a new one")
         super().reset(seed=seed)
-        drawn = self.np_random.uniform(*self._late) if self._late[0] < self._late[1] else self._late[0]
-        late = np.zeros(len(self.cell.arms))
-        late[0] = float((options or {}).get("master_late_s", drawn))
-        self._episode.reset(late)
+        drawn = self._episode.reset(self.np_random, seed is not None, options)
         if self._shield is not None:
             self._shield.reset()
         if self._others is not None:
@@ -147,7 +154,10 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._running = True
         if self.render_mode == "human":
             self.render()
-        return self.simulation.observe()[self._own], {"master_late_s": late[0].item()}
+        return self.simulation.observe()[self._own], {
+            "master_late_s": drawn["late_s"][0],
+            "disturbance": drawn,
+        }
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run one control period.
@@ -191,13 +201,28 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._renderer.close()
 
 
-def _others(cell: Cell, others: str | Execution | None, mode: Mode) -> Execution | None:
-    """What the other arms do; None: full speed."""
-    if others is not None and not isinstance(others, str):
-        return others
+def learner_of(cell: Cell, learner: str | None) -> int:
+    """The number of the learning arm; None: the last one.
+
+    Raises:
+        UnknownNameError: The cell has no such arm.
+    """
+    names = [arm.name for arm in cell.arms]
+    if learner is not None and learner not in names:
+        raise UnknownNameError("arm", learner, names)
+    return len(names) - 1 if learner is None else names.index(learner)
+
+
+def others_of(cell: Cell, others: str | None, mode: Mode, count: int) -> list[Execution]:
+    """What the other arms do in so many episodes, each its own; none: full speed.
+
+    Raises:
+        UnknownNameError: There is no such baseline.
+    """
     name = others or ("phase-plane" if len(cell.arms) < 3 else "vci")
     if name == "phase-plane":
-        return None
+        return []
     if name in METHODS:
-        return execution_of(schedule(cell, name), mode)
+        plan = schedule(cell, name)
+        return [execution_of(plan, mode) for _ in range(count)]
     raise UnknownNameError("baseline for the other arms", name, ("phase-plane", *METHODS))

@@ -8,11 +8,13 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv
 
 from armtempo.envs._coordination import CoordinationEnv
+from armtempo.envs._vector import CoordinationVectorEnv
 
-__all__ = ["CoordinationEnv", "env", "parallel_env", "raw_env"]
+__all__ = ["CoordinationEnv", "env", "parallel_env", "raw_env", "vector_env"]
 
 parallel_env = CoordinationEnv
 raw_env = CoordinationEnv
+vector_env = CoordinationVectorEnv
 
 
 def env(*arguments: Any, **options: Any) -> AECEnv[str, Any, Any]:

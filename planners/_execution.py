@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armtempo.planners._cell import Cell
 from armtempo.planners._guard import BrakingGuard
-from armtempo.planners._phase_kernels import Edges, Rows, advance
+from armtempo.planners._phase_kernels import Edges, Rows, run
 from armtempo.planners._phase_plane import Mode
 from armtempo.planners._precedence import precedence
 from armtempo.planners._schedule import Schedule
@@ -43,16 +43,11 @@ def checks_per_period(cell: Cell) -> int:
 
 @njit
 def foresee(
-    rows: Rows, edges: Edges, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
+    edges: Edges, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
 ) -> tuple[float, float, float]:
-    """Place and speed after ``ticks``, moved tick by tick as in the environments, and the time used until arrival."""
-    total, scratch = 0.0, np.empty((0, 3))
-    for _ in range(ticks):
-        lam, mu, used, _ = advance(rows, edges, lam, mu, command, by_speed, tick, scratch, 0)
-        total += used
-        if lam >= rows.station[-1]:
-            break
-    return lam, mu, total
+    """Place and speed after ``ticks`` under one command, as in the environments, and the time used until arrival."""
+    none = np.empty(0)
+    return run(edges.steps, lam, mu, command, by_speed, tick, ticks, none, none)
 
 
 @njit
@@ -69,7 +64,7 @@ def _command_to(
     near: float,
 ) -> float:
     """The largest command that leads neither past ``target`` nor to the end before ``earliest`` [s] have passed."""
-    reached, _, used = foresee(rows, edges, lam, mu, 1.0, by_speed, tick, ticks)
+    reached, _, used = foresee(edges, lam, mu, 1.0, by_speed, tick, ticks)
     if reached <= target and (reached < rows.station[-1] or used >= earliest):
         return 1.0
     if mu <= 0.0 and target <= lam + 2.0 * near:
@@ -77,7 +72,7 @@ def _command_to(
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        reached, _, used = foresee(rows, edges, lam, mu, middle, by_speed, tick, ticks)
+        reached, _, used = foresee(edges, lam, mu, middle, by_speed, tick, ticks)
         if reached <= target and (reached < rows.station[-1] or used >= earliest):
             low = middle
         else:

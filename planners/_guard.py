@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.planners._phase_kernels import Edges, Rows, advance
+from armtempo.planners._phase_kernels import Edges, Rows, run
 from armtempo.planners._phase_plane import Mode, PhasePlane
 from armtempo.planners._precedence import Precedence
 from armtempo.robots import njit
@@ -40,14 +40,12 @@ def step(
     """One step under one command; also the time used and whether it stays behind the limit all the while.
 
     ``limit`` (K,): at the beginning of every check; step ``at`` has those from ``at checks`` on. The last one lasts.
+    ``scratch`` (2, checks).
     """
-    used, safe = 0.0, True
+    lam, mu, used = run(edges.steps, lam, mu, command, by_speed, dt / checks, checks, scratch[0], scratch[1])
+    safe = True
     for m in range(checks):
-        lam, mu, time, _ = advance(rows, edges, lam, mu, command, by_speed, dt / checks, scratch, 0)
-        used += time
-        safe = safe and lam <= limit[min(at * checks + m, limit.shape[0] - 1)]
-        if lam >= rows.station[-1]:
-            break
+        safe = safe and scratch[0, m] <= limit[min(at * checks + m, limit.shape[0] - 1)]
     return lam, mu, used, safe
 
 
@@ -65,7 +63,7 @@ def stays_behind(
     limit: Array,
 ) -> bool:
     """Whether a command for one step, and on until the arm is past ``until``, then maximum braking, stays behind."""
-    scratch = np.empty((0, 3))
+    scratch = np.empty((2, checks))
     for at in range(100000):
         lam, mu, _, safe = step(rows, edges, lam, mu, command, by_speed, dt, checks, limit, at, scratch)
         if not safe:
@@ -83,14 +81,20 @@ def places(
     rows: Rows, edges: Edges, lam: float, mu: float, commands: Array, by_speed: bool, dt: float, checks: int, out: Array
 ) -> None:
     """Fill ``out`` (K,) with the place at the beginning of every check; the last command lasts."""
-    scratch = np.empty((0, 3))
+    scratch = np.empty((2, checks))
     last = commands.shape[0] - 1
     resting = commands[last] == 0.0
-    for k in range(out.shape[0]):
-        out[k] = lam
-        at = min(k // checks, last)
+    out[0] = lam
+    for first in range(1, out.shape[0], checks):
+        at = min((first - 1) // checks, last)
         if lam < rows.station[-1] and not (resting and at == last and mu <= 0.0):
-            lam, mu, _, _ = advance(rows, edges, lam, mu, commands[at], by_speed, dt / checks, scratch, 0)
+            lam, mu, _ = run(
+                edges.steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1]
+            )
+        else:
+            scratch[0] = lam
+        for m in range(min(checks, out.shape[0] - first)):
+            out[first + m] = scratch[0, m]
 
 
 @njit

@@ -25,6 +25,7 @@ ROW_SLACK = 1e-10  # rounding allowed when rows are divided by a small inertia, 
 MOST = 4  # intervals of a controllable set; dropping further ones only forbids
 BANDS = 8  # taken out of one candidate set
 RETREATS = 60
+FIXED = 8  # columns of Edges.steps before those of the rows
 GREEDY_LACK = 1e-6  # of x: what rounding may keep the fastest motion from the controllable set
 
 
@@ -45,12 +46,16 @@ class Edges(NamedTuple):
 
     ``*_next`` (N,): where the motion along the edge from station i arrives at station i + 1. Inside an interval the
     edge is the straight line between the two: a motion, so every point of it can be continued.
+
+    ``steps`` (N+1, 8 + 11 n): the rows and edges once more, all of a station side by side, and what intervals do as a
+    whole; see ``_fill_steps``.
     """
 
     low: Array
     high: Array
     low_next: Array
     high_next: Array
+    steps: Array
 
 
 @njit
@@ -415,6 +420,44 @@ def active_rows(rows: Rows, x: Array, u: Array, row: Ints, side: Ints) -> None:
 
 
 @njit
+def _fill_steps(rows: Rows, edges: Edges) -> None:
+    """Fill ``edges.steps``: one array, because loops over many cost more (their reference counts) than what they do.
+
+    Per station: where it is; twice the length of its interval (nan: friction in it, or empty); the lowest ``x`` at the
+    interval's end (-inf: any); its edges, low, low_next, high, high_next; the station at or before its share of the
+    path, for ``find``. Then per row and end of the interval (A, B, C): beginning with ``x`` it ends inside
+    ``[A + B x, C + B x]``. Then per row (a, b, low, high, r).
+    """
+    n, last = rows.a.shape[1], rows.station.shape[0] - 1
+    at = 0
+    for i in range(last + 1):
+        step, k = edges.steps[i], min(i, last - 1)
+        d2 = 2.0 * (rows.station[k + 1] - rows.station[k])
+        while at < last - 1 and rows.station[at + 1] < rows.station[last] * (i / last) * (1.0 - 1e-12):
+            at += 1
+        step[0], step[1] = rows.station[i], (d2 if d2 > 0.0 and i < last else np.nan)
+        step[2] = edges.low_next[k] if edges.low_next[k] > 0.0 else -np.inf
+        step[3], step[4], step[5], step[6] = edges.low[i], edges.low_next[k], edges.high[i], edges.high_next[k]
+        step[7] = at
+        for j in range(n):
+            base = FIXED + 6 * n + 5 * j
+            step[base], step[base + 1], step[base + 2] = rows.a[i, j], rows.b[i, j], rows.low[i, j]
+            step[base + 3], step[base + 4] = rows.high[i, j], rows.r[i, j]
+            for e in range(2):
+                a, b, low, high = rows.a[k + e, j], rows.b[k + e, j], rows.low[k + e, j], rows.high[k + e, j]
+                if e == 1:
+                    a += d2 * b
+                if rows.r[k + e, j] != 0.0:
+                    step[1] = np.nan
+                if a < 0.0:
+                    a, b, low, high = -a, -b, -high, -low
+                base = FIXED + 3 * (e * n + j)
+                step[base], step[base + 1], step[base + 2] = -np.inf, 0.0, np.inf
+                if a > 1e-14:
+                    step[base], step[base + 1], step[base + 2] = d2 * low / a, 1.0 - d2 * b / a, d2 * high / a
+
+
+@njit
 def follow_edges(rows: Rows, sets: Array, edges: Edges) -> None:
     """Fill the edges of the lowest interval at every station, and where the motions along them arrive."""
     bands = np.empty((rows.a.shape[1], 2))
@@ -430,6 +473,7 @@ def follow_edges(rows: Rows, sets: Array, edges: Edges) -> None:
         edges.high_next[i] = min(max(_beside(final, False, bands, taken), low), high)
         first, _, taken = _reach(rows, i, edges.low[i], low, high, bands)
         edges.low_next[i] = min(max(_beside(first, True, bands, taken), low), high)
+    _fill_steps(rows, edges)
 
 
 @njit
@@ -531,19 +575,52 @@ def _bounds_at(rows: Rows, i: int, w: float, x: float, d2: float) -> tuple[float
 
 
 @inlined
+def find(steps: Array, lam: float) -> int:
+    """As ``locate``, in ``edges.steps``; quick where stations are about equally far apart."""
+    last = steps.shape[0] - 1
+    i = int(steps[min(max(int(lam / steps[last, 0] * last), 0), last), 7])
+    while i < last - 1 and steps[i + 1, 0] <= lam:
+        i += 1
+    return i
+
+
+@inlined
+def bounds_in(steps: Array, i: int, w: float, x: float, d2: float) -> tuple[float, float]:
+    """As ``_bounds_at``, from ``edges.steps``."""
+    columns = steps.shape[1]
+    lowest, highest = -np.inf, np.inf
+    for j in range(FIXED + 6 * ((columns - FIXED) // 11), columns, 5):
+        a = steps[i, j] + w * (steps[i + 1, j] - steps[i, j])
+        b = steps[i, j + 1] + w * (steps[i + 1, j + 1] - steps[i, j + 1])
+        low = steps[i, j + 2] + w * (steps[i + 1, j + 2] - steps[i, j + 2])
+        high = steps[i, j + 3] + w * (steps[i + 1, j + 3] - steps[i, j + 3])
+        r = steps[i, j + 4] + w * (steps[i + 1, j + 4] - steps[i, j + 4])
+        if r != 0.0:
+            least, most = _viscous_bounds(a, b, r, low, high, x, d2)
+            lowest, highest = max(lowest, least), min(highest, most)
+            continue
+        a, low, high = a + d2 * b, low - b * x, high - b * x
+        if a < 0.0:
+            a, low, high = -a, -high, -low
+        if a > 1e-14:
+            lowest, highest = max(lowest, low / a), min(highest, high / a)
+    return lowest, highest
+
+
+@inlined
 def _next_piece(
-    rows: Rows, edges: Edges, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
+    steps: Array, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
 ) -> tuple[float, float]:
     """Length and ``u`` of the next piece in interval i, ``left`` before its end; no length: the arm stays at rest."""
-    width = rows.station[i + 1] - rows.station[i]
+    width = steps[i + 1, 0] - steps[i, 0]
     w = 1.0 - left / width
-    u_low, u_high = _bounds_at(rows, i, w, x, 0.0)
+    u_low, u_high = bounds_in(steps, i, w, x, 0.0)
     goal_share = command * command if by_speed else 1.0
     step = min(left, np.sqrt(x) * rest + 0.5 * max(u_high, 0.0) * rest * rest)
     if step <= 0.0:
         return 0.0, 0.0
-    here = edges.high[i] + w * (edges.high_next[i] - edges.high[i])
-    if i == rows.station.shape[0] - 2 and step == left:
+    here = steps[i, 5] + w * (steps[i, 6] - steps[i, 5])
+    if i == steps.shape[0] - 2 and step == left:
         if x < 0.25 * goal_share * here:
             step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
         elif by_speed and x > goal_share * here > 0.0:
@@ -552,10 +629,10 @@ def _next_piece(
             if 0.0 < meet < left:
                 step = meet
     w_next = 1.0 if step == left else w + step / width
-    x_edge = edges.high[i] + w_next * (edges.high_next[i] - edges.high[i])
-    x_floor = edges.low[i] + w_next * (edges.low_next[i] - edges.low[i])
+    x_edge = steps[i, 5] + w_next * (steps[i, 6] - steps[i, 5])
+    x_floor = steps[i, 3] + w_next * (steps[i, 4] - steps[i, 3])
     d2 = 2.0 * step
-    end_low, end_high = _bounds_at(rows, i, w_next, x, d2)
+    end_low, end_high = bounds_in(steps, i, w_next, x, d2)
     u_low, u_high = max(u_low, end_low), min(u_high, end_high)
     if x_floor > 0.0:  # the arm cannot hold still here: it must stay fast enough
         u_low = max(u_low, (x_floor - x) / d2)
@@ -606,7 +683,7 @@ def advance(
             used = dt
             break
         mu = np.sqrt(x)
-        step, u = _next_piece(rows, edges, i, left, x, rest, command, by_speed)
+        step, u = _next_piece(edges.steps, i, left, x, rest, command, by_speed)
         if step <= 0.0:
             used = dt
             break
@@ -649,3 +726,108 @@ def advance(
         if count >= record.shape[0] > 0:
             break
     return lam, np.sqrt(x), used, count
+
+
+@njit
+def run(
+    steps: Array,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    tick: float,
+    ticks: int,
+    out: Array,
+    speeds: Array,
+) -> tuple[float, float, float]:
+    """Move an arm for so many ticks under one command, as ``advance`` does for all of that time; but fast.
+
+    ``steps``: of the edges; intervals that fit in as a whole are three numbers per row there. ``out`` and
+    ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick; asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
+    """
+    last, count = steps.shape[0] - 1, out.shape[0]
+    lines = FIXED + 6 * ((steps.shape[1] - FIXED) // 11)
+    end, dt = steps[last, 0], tick * ticks
+    tiny = 1e-12 * end
+    share = command * command if by_speed else 1.0
+    x, used = mu * mu, 0.0
+    k, due = 0, (tick if count else np.inf)
+    i = find(steps, lam)
+    for _ in range(100000):
+        left = steps[i + 1, 0] - lam
+        while left <= tiny and i < last - 1:
+            i += 1
+            left = steps[i + 1, 0] - lam
+        if lam >= end - tiny:
+            lam, x = end, steps[last, 5]
+            break
+        rest = dt - used
+        if rest <= 1e-9 * dt:  # rounding
+            used = dt
+            break
+        mu = np.sqrt(x)
+        if lam == steps[i, 0]:
+            began = i
+            while i < last - 1:
+                d2, low, high = steps[i, 1], steps[i, 2], steps[i, 6]
+                for j in range(FIXED, lines, 3):
+                    change = steps[i, j + 1] * x
+                    low, high = max(low, steps[i, j] + change), min(high, steps[i, j + 2] + change)
+                low = min(low, high)
+                y = min(max(share * steps[i, 6], low), high) if by_speed else low + command * (high - low)
+                if by_speed and command == 0.0:
+                    y = low
+                if not y > 1e-18:
+                    break
+                mu_next = np.sqrt(y)
+                time = d2 / (mu + mu_next)
+                if not used + time < dt:
+                    break
+                while due <= used + time:
+                    t = due - used
+                    u = (y - x) / d2
+                    out[k] = min(steps[i, 0] + t * (mu + 0.5 * t * u), steps[i + 1, 0])
+                    speeds[k] = mu + t * u
+                    k += 1
+                    due = tick * (k + 1) if k < count else np.inf
+                x, mu, used = y, mu_next, used + time
+                i += 1
+            if i > began:
+                lam = steps[i, 0]
+                continue
+        step, u = _next_piece(steps, i, left, x, rest, command, by_speed)
+        if step <= 0.0:
+            used = dt
+            break
+        there = steps[i + 1, 0] if step == left else lam + step
+        x_next = x + 2.0 * step * u
+        if x_next <= 1e-18:
+            if x <= 1e-18:
+                if left <= 1e-9 * end and i == last - 1:  # closer to the end than rounding
+                    lam, x = end, 0.0
+                else:
+                    x, used = 0.0, dt
+                break
+            stop = x / (-2.0 * u) if u < 0.0 else step
+            if stop < step * (1.0 - 1e-12):
+                step, there = stop, lam + stop
+                x_next = 0.0
+            x_next = max(x_next, 0.0)
+        time = 2.0 * step / (mu + np.sqrt(x_next))
+        if time > rest:
+            mu_next = max(mu + u * rest, 0.0)
+            there = min(lam + 0.5 * (mu + mu_next) * rest, there)
+            x_next, time = mu_next * mu_next, rest
+        while due <= used + time:
+            t = due - used
+            out[k], speeds[k] = min(lam + t * (mu + 0.5 * t * u), there), max(mu + t * u, 0.0)
+            k += 1
+            due = tick * (k + 1) if k < count else np.inf
+        lam, x = there, x_next
+        used = used + time if time < rest else dt
+    mu = np.sqrt(x)
+    if lam < end:  # the last tick is due now, whatever rounding says
+        k = min(k, count - 1)
+    for m in range(k, count):
+        out[m], speeds[m] = lam, mu
+    return lam, mu, used

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.errors import ActionError, InfeasibleError, InputError
 from armtempo.planners._path_dynamics import PathDynamics
 from armtempo.planners._phase_kernels import (
+    FIXED,
     MOST,
     Edges,
     Rows,
@@ -95,7 +96,8 @@ class PhasePlane:
                 if failed >= 0:
                     raise self._explain(failed)
         count = len(self.rows.station)
-        edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1))
+        steps = np.zeros((count, FIXED + 11 * self.rows.a.shape[1]))
+        edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1), steps)
         follow_edges(self.rows, sets, edges)
         return edges
 

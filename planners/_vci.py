@@ -80,7 +80,7 @@ def _replay(
     limit: Array,
 ) -> bool:
     """Run steps first..last from the stored state, storing states; whether all stay behind the limit."""
-    scratch = np.empty((0, 3))
+    scratch = np.empty((2, checks))
     for k in range(first, last + 1):
         state[k + 1, 0], state[k + 1, 1], state[k + 1, 2], safe = step(
             rows, edges, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch

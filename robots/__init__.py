@@ -6,7 +6,7 @@ from armtempo.robots import kernels
 from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
 from armtempo.robots._model import ArmModel, Capsules
-from armtempo.robots._numba import inlined, njit
+from armtempo.robots._numba import inlined, njit, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
 
@@ -26,4 +26,5 @@ __all__ = [
     "separation",
     "shape_distance",
     "static_shape",
+    "unlocked",
 ]

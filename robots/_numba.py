@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
-__all__ = ["inlined", "njit"]
+__all__ = ["inlined", "njit", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -18,9 +18,13 @@ if TYPE_CHECKING:
 
     def inlined(function: F) -> F: ...
 
+    def unlocked(function: F) -> F: ...
+
 else:
     import numba
 
     njit = numba.njit(cache=True, error_model="numpy")
     # Copied into its callers: a call with many arrays costs more (their reference counts) than a short body.
     inlined = numba.njit(cache=True, error_model="numpy", inline="always")
+    # Lets other threads run meanwhile.
+    unlocked = numba.njit(cache=True, error_model="numpy", nogil=True)

@@ -31,6 +31,7 @@ except PackageNotFoundError:  # a source tree on sys.path that was never install
 gymnasium.register(
     id="armtempo/Yielding-v0",
     entry_point="armtempo.envs:YieldingEnv",
+    vector_entry_point="armtempo.envs:YieldingVectorEnv",
     kwargs={"cell": "lee1991"},
 )
 gymnasium.register(

@@ -143,7 +143,7 @@ def test_many_environments_in_one_vector(lee1991: Cell) -> None:
     envs.reset(seed=0)
     for _ in range(150):  # past the end of episodes
         observations, *_ = envs.step(envs.action_space.sample())
-        assert observations.shape == (3, 17)
+        assert observations.shape == (3, 21)
     envs.close()
 
 
