@@ -90,11 +90,12 @@ def _candidates(
 
 
 def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
+    meant = orders.precedence(row)
     try:
-        orders.precedence(row).check_deadlock_free()
+        meant.check_deadlock_free()
     except InfeasibleError:
         return False
-    return True
+    return all(limit[0] > 0.0 for limit in meant.limits.values())  # else an arm is in the way where it starts
 
 
 def shield_work(cell: Cell, regions: int) -> ShieldWork:
