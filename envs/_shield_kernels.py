@@ -25,7 +25,7 @@ Orders = NDArray[np.int8]
 MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
 HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
-PARTS = 8  # of a tick, in which limits are asked
+PARTS = 16  # of a tick, in which limits are asked
 UNKNOWN, STARTED = -2, -1  # how much of an arm is foreseen; else the ticks until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
@@ -224,14 +224,14 @@ def _behind(
 
     Limits never fall, so in every part of the tick it is enough that the one is behind at its end the limit from where
     the other is at its begin. Inside a tick places differ from the chord by an eighth of the second difference if the
-    acceleration is constant; eight times that is allowed for.
+    acceleration is constant; four times that is allowed for.
     """
     begin, end = near[min(k - 1, near_last)], near[min(k, near_last)]
     if far[k] <= limit_at(tables, r, order, begin, length) - margin:
         return True
     if far[k] > limit_at(tables, r, order, end, length) - margin:
         return False
-    far_bend, near_bend = _bend(far, k, far_last), _bend(near, k, near_last)
+    far_bend, near_bend = 0.5 * _bend(far, k, far_last), 0.5 * _bend(near, k, near_last)
     for part in range(PARTS):
         low = max(begin + part / PARTS * (end - begin) - near_bend, begin)
         high = min(far[k - 1] + (part + 1) / PARTS * (far[k] - far[k - 1]) + far_bend, far[k])

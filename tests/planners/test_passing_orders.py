@@ -56,10 +56,14 @@ def walk_exists(chart: CoordinationChart, orders: PassingOrders, row: NDArray[np
     for region, order in zip(orders.regions, row, strict=True):
         for c in range(CELLS):  # cells past a limit are on the wrong side
             if order:
-                limit = np.inf if c >= region.begin_b + len(region.limit_a) else region.limit_a[max(c - region.begin_b, 0)]
+                limit = (
+                    np.inf if c >= region.begin_b + len(region.limit_a) else region.limit_a[max(c - region.begin_b, 0)]
+                )
                 free = free & ~((np.arange(CELLS)[:, None] * chart.step_a >= limit) & (np.arange(CELLS)[None, :] == c))
             else:
-                limit = np.inf if c >= region.begin_a + len(region.limit_b) else region.limit_b[max(c - region.begin_a, 0)]
+                limit = (
+                    np.inf if c >= region.begin_a + len(region.limit_b) else region.limit_b[max(c - region.begin_a, 0)]
+                )
                 free = free & ~((np.arange(CELLS)[None, :] * chart.step_b >= limit) & (np.arange(CELLS)[:, None] == c))
     reached = np.zeros_like(free)
     reached[0, 0] = free[0, 0]
