@@ -1,5 +1,6 @@
 """Shielded episodes in one compiled loop, for trials of millions of steps: requests that mean no good, in ``ideal``."""
 
+# ruff: noqa: NPY002 (numba has no Generator that is seeded inside)
 from __future__ import annotations
 
 from collections.abc import Sequence
