@@ -11,15 +11,26 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from armtempo.envs._disturbance import Disturbance, Range, as_noise, describe, draw_all, draws_of, stops_of
+from armtempo.envs._disturbance import (
+    Disturbance,
+    Range,
+    as_noise,
+    describe,
+    draw_all,
+    draws_of,
+    stops_of,
+    uncertain_arms,
+)
 from armtempo.envs._episode import as_cell, time_limit
 from armtempo.envs._kernels import observe, run_periods, scratch_for
 from armtempo.envs._observation import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs._random import key_from
+from armtempo.envs._shield import shield_tables, shield_work
+from armtempo.envs._shield_batch import admit_all, draw_shielded
 from armtempo.envs._simulation import MODES
 from armtempo.envs._world import World, episodes_of, ideal_world
-from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, Mode
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.planners import Cell, Mode, Precedence
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -44,6 +55,9 @@ class BatchSimulation:
         start_phase: Share of the path where each arm starts, or a range.
         master_late_s: How long the first arm stands [s], or a range.
         max_episode_s: Time limit [s] instead of five sequential times.
+        shield: Let through only commands that can neither collide nor end in a deadlock (see ``Shield``).
+        scripted: Arms whose commands the shield does not change.
+        plan: The precedence that those obey; None: they pass first everywhere.
         threads: How many share the episodes.
 
     Attributes:
@@ -53,6 +67,7 @@ class BatchSimulation:
         observations: (E, A, 21) float32.
         rewards: (E, A) of the last step.
         terminated, truncated: (E, A).
+        shield_changed, shield_change: (E, A) how many commands of the episode the shield cut, and by how much in all.
 
     All of them are written in place: copy what is to be kept.
     """
@@ -69,6 +84,9 @@ class BatchSimulation:
         start_phase: float | Range = 0.0,
         master_late_s: float | Range = 0.0,
         max_episode_s: float | None = None,
+        shield: bool = False,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
         threads: int = 1,
     ) -> None:
         if mode not in MODES:
@@ -99,6 +117,16 @@ class BatchSimulation:
             for first, last in zip(bounds[:-1], bounds[1:], strict=True)
         ]
         self._pool = ThreadPoolExecutor(len(self._chunks) - 1) if len(self._chunks) > 1 else None
+        self._shield = shield
+        self._tables = self._works = None
+        if shield:
+            self._tables = shield_tables(self.cell, self._world, scripted=scripted, plan=plan)
+            regions = len(self._tables.region)
+            self._works = [shield_work(self.cell, regions) for _ in self._chunks]
+        self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
+        self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
+        self._uncertain, self._admitted = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A))
+        self.shield_changed, self.shield_change = np.zeros((E, A), dtype=np.int64), np.zeros((E, A))
         self.seed(None)
         self.reset()
 
@@ -128,6 +156,11 @@ class BatchSimulation:
         return self._episodes.number
 
     @property
+    def steps(self) -> NDArray[np.int64]:
+        """(E,) control periods since the start of each episode."""
+        return self._episodes.steps
+
+    @property
     def drawn(self) -> dict[str, Array]:
         """What the episodes drew: late_s, speed (E, A), stops_s (E, A, S, 2); new arrays."""
         own = self._episodes
@@ -154,7 +187,21 @@ class BatchSimulation:
         if active.shape != self._all.shape:
             raise InputError(f"mask has shape {active.shape}", remedy=f"give ({self.episodes},)")
         self._episodes.number[active] += 1
-        draw_all(self._world, self._draws, self._episodes, active, -1.0 if master_late_s is None else master_late_s)
+        late = -1.0 if master_late_s is None else float(master_late_s)
+        if self._tables is None or self._works is None:
+            draw_all(self._world, self._draws, self._episodes, active, late)
+        else:
+            failed = draw_shielded(
+                self._world, self._draws, self._tables, self._episodes, active, late, self._scripted, self._orders,
+                self._works[0],
+            )  # fmt: skip
+            if failed >= 0:
+                raise InfeasibleError(
+                    f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
+                    remedy="let the other arms follow a plan, others='optimal'" if self._scripted.any() else None,
+                )
+            self._uncertain[active] = uncertain_arms(self._episodes)[active]
+            self.shield_changed[active], self.shield_change[active] = 0, 0.0
         self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
         observe(
             self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER), self._chunks[0][2],
@@ -171,21 +218,38 @@ class BatchSimulation:
             raise InputError(f"commands have shape {commands.shape}", remedy=f"give {self.lam.shape}")
         active = self._all if active is None else active
 
-        def run(chunk: tuple[int, int, Any]) -> None:
+        def run(k: int) -> None:
+            chunk, asked = self._chunks[k], commands
+            if self._tables is not None and self._works is not None:
+                admit_all(
+                    self._world, self._tables, self._episodes, chunk[0], chunk[1], active, self._orders, self._scripted,
+                    self._uncertain, self.cell.ticks_per_period, commands, self._admitted, self._works[k],
+                )  # fmt: skip
+                asked = self._admitted
             run_periods(
-                self._world, self._episodes, chunk[0], chunk[1], active, commands, self._d_min, self.reference_time,
+                self._world, self._episodes, chunk[0], chunk[1], active, asked, self._d_min, self.reference_time,
                 self.time_limit, self._team, self._noise, OTHERS, len(OWN), len(OTHER), chunk[2], self.observations,
                 self.rewards, self.terminated, self.truncated,
             )  # fmt: skip
 
-        others = [] if self._pool is None else [self._pool.submit(run, chunk) for chunk in self._chunks[1:]]
-        run(self._chunks[0])
+        others = [] if self._pool is None else [self._pool.submit(run, k) for k in range(1, len(self._chunks))]
+        run(0)
         for other in others:
             other.result()
+        if self._shield:
+            change = np.where(active[:, None], commands - self._admitted, 0.0)
+            self.shield_changed += change != 0.0
+            self.shield_change += change
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         outputs = {name: getattr(self, name) for name in ("observations", "rewards", "terminated", "truncated")}
-        return {**self._episodes._asdict(), **outputs}
+        shield = {
+            "orders": self._orders,
+            "uncertain": self._uncertain,
+            "shield_changed": self.shield_changed,
+            "shield_change": self.shield_change,
+        }
+        return {**self._episodes._asdict(), **outputs, **shield}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """All that changes, copied; ``set_state`` goes on from there with the same bits."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from armtempo.envs._disturbance import Disturbance, Range
-from armtempo.envs._episode import Episode, agent_names, as_cell, check_late, read_action
+from armtempo.envs._episode import Episode, agent_names, as_cell, read_action
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs._shield import EpisodeShield
@@ -57,7 +57,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
-        master_late_s: How long the first arm stands before it obeys its agent [s].
+        master_late_s: How long the first arm stands before it obeys its agent [s]: a number, or (lowest, highest).
         max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep an ``EpisodeTrace``.
         disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
@@ -88,7 +88,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         physics: Physics = "bullet",
         mode: Mode = "speed",
         render_mode: str | None = None,
-        master_late_s: float = 0.0,
+        master_late_s: float | Range = 0.0,
         max_episode_s: float | None = None,
         record: bool = False,
         disturbance: str | Disturbance | None = None,
@@ -100,7 +100,6 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
         shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
-        check_late(master_late_s)
         self.cell = as_cell(cell)
         self.physics: Physics = physics
         self.mode: Mode = mode
@@ -111,7 +110,6 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
             master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
         )  # fmt: skip
         self._shield = EpisodeShield(self.simulation, tube_m=shield_tube_m) if shield else None
-        self.master_late_s = float(master_late_s)
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
@@ -147,9 +145,7 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
             raise InputError("the environment is closed", remedy="make a new one")
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, options)
-        if self._shield is not None:
-            self._shield.reset()
+        drawn = self._episode.reset(self.np_random, seed is not None, options, self._shield)
         self.agents = self.possible_agents[:]
         if self.render_mode == "human":
             self.render()

@@ -168,6 +168,11 @@ def describe(episodes: Episodes, e: int, lengths: Array) -> dict[str, Any]:
     }
 
 
+def uncertain_arms(episodes: Episodes) -> NDArray[np.bool_]:
+    """(E, A) arms that may do less than they are told."""
+    return np.asarray((episodes.late > 0.0) | (episodes.speed < 1.0) | (episodes.stops[..., 1] > 0.0).any(axis=2))
+
+
 @njit
 def _between(low: float, high: float, share: float) -> float:
     return low + (high - low) * share
@@ -189,8 +194,12 @@ def _may_start(world: World, draws: Draws, lam: Array) -> bool:
 
 
 @njit
-def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float) -> None:
-    """Begin an episode, its key and number given; ``late`` [s]: of the first arm, drawn if negative."""
+def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float, first: int) -> int:
+    """Begin an episode, its key and number given; ``late`` [s]: of the first arm, drawn if negative.
+
+    ``first``: at which attempt to begin with starting places; returns the one that was taken, ATTEMPTS for the starts
+    of the paths.
+    """
     key, number = episodes.key[e], episodes.number[e]
     arms = episodes.lam.shape[1]
     episodes.lam[e], episodes.mu[e], episodes.arrival[e] = 0.0, 0.0, np.nan
@@ -210,13 +219,15 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float) ->
     if late < 0.0:
         late = _between(draws.master_late[0], draws.master_late[1], uniform(key, number, 0, MASTER_LATE, 0))
     episodes.late[e, 0] += late
+    taken = ATTEMPTS
     if draws.phase[1] > 0.0:
-        for attempt in range(ATTEMPTS):
+        for attempt in range(first, ATTEMPTS):
             for i in range(arms):
                 share = _between(draws.phase[0], draws.phase[1], uniform(key, number, attempt, PHASE, i))
                 steps = steps_of(world, i)
                 episodes.lam[e, i] = share * steps[steps.shape[0] - 1, 0]
             if _may_start(world, draws, episodes.lam[e]):
+                taken = attempt
                 break
             episodes.lam[e] = 0.0
     for p in range(world.clearance.shape[0]):
@@ -224,6 +235,7 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float) ->
         found = tabulated_clearance(clearance_of(world, p), episodes.lam[e, i], episodes.lam[e, j])
         episodes.smallest[e] = min(episodes.smallest[e], found)
     episodes.rewarded[e], episodes.charged[e] = episodes.lam[e], 0.0
+    return taken
 
 
 @njit
@@ -231,4 +243,4 @@ def draw_all(world: World, draws: Draws, episodes: Episodes, active: NDArray[np.
     """``draw`` for all active episodes."""
     for e in range(active.shape[0]):
         if active[e]:
-            draw(world, draws, episodes, e, late)
+            draw(world, draws, episodes, e, late, 0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._random import key_from
 from armtempo.envs._reward import collision_reward, progress_reward, time_reward
+from armtempo.envs._shield import EpisodeShield
 from armtempo.envs._simulation import Physics, Simulation
 from armtempo.errors import ActionError, InputError
 from armtempo.planners import Cell, Mode, load_cell
@@ -98,16 +99,20 @@ class Episode:
         self._before: list[float] = self.simulation.lam.tolist()
         self.timed_out = False
 
-    def reset(self, generator: Generator, seeded: bool, options: dict[str, Any] | None) -> dict[str, Any]:
+    def reset(
+        self, generator: Generator, seeded: bool, options: dict[str, Any] | None, shield: EpisodeShield | None = None
+    ) -> dict[str, Any]:
         """Start again; returns what was drawn.
 
         Args:
             generator: Gives the key of the random numbers, when ``seeded`` or the first time.
             seeded: Begin to count episodes anew.
             options: May give ``master_late_s`` for this episode [s].
+            shield: Begins with it; places from which it finds no way on are drawn again.
 
         Raises:
             InputError: That is negative or not finite.
+            InfeasibleError: The shield finds no way on from the starts of the paths either.
         """
         late = None
         if options and "master_late_s" in options:
@@ -117,7 +122,10 @@ class Episode:
         if seeded or self._key is None:
             self._key, self._number = key_from(generator), -1
         self._number += 1
-        self.simulation.reset(late, key=self._key, number=self._number)
+        accepts = None if shield is None else shield.leads_on
+        self.simulation.reset(late, key=self._key, number=self._number, accepts=accepts)
+        if shield is not None:
+            shield.reset()
         self._start()
         return self.simulation.drawn
 

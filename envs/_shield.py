@@ -234,6 +234,14 @@ class EpisodeShield:
         self._change, self._sum, self._count = np.zeros(arms), np.zeros(arms), np.zeros(arms, dtype=np.int64)
         self._steps = 0
 
+    def leads_on(self) -> bool:
+        """Whether there is a way on from where the simulation begins."""
+        try:
+            self.shield.reset(self._simulation.lam)
+        except InfeasibleError:
+            return False
+        return True
+
     def commands(self, commands: Array) -> Array:
         """(A,) what is let through of the commands for the next period."""
         admitted = self.shield.admit(self._simulation.lam, self._simulation.mu, commands)

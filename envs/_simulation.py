@@ -6,6 +6,7 @@ Both environments run on this; it knows arms and time, not agents, spaces or rew
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, final
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._bullet import pybullet
-from armtempo.envs._disturbance import Disturbance, Range, as_noise, describe, draw, draws_of, stops_of
+from armtempo.envs._disturbance import ATTEMPTS, Disturbance, Range, as_noise, describe, draw, draws_of, stops_of, uncertain_arms
 from armtempo.envs._kernels import (
     control,
     move,
@@ -202,15 +203,28 @@ class Simulation:
                 self._scene.rub(1.0 + friction_error)
         self.reset()
 
-    def reset(self, late: ArrayLike | None = 0.0, *, key: int = 0, number: int = 0) -> None:
+    def reset(
+        self,
+        late: ArrayLike | None = 0.0,
+        *,
+        key: int = 0,
+        number: int = 0,
+        accepts: Callable[[], bool] | None = None,
+    ) -> None:
         """Back to the start, at rest; all that is drawn belongs to ``key`` (64 bits) and the ``number`` of the episode.
 
         ``late`` (A,) [s]: how long each arm stands before it obeys its commands, besides its disturbance; None: the
-        first one as drawn from ``master_late_s``.
+        first one as drawn from ``master_late_s``. ``accepts``: whether the places drawn will do; asked while there are
+        attempts left.
         """
         arms, episodes = len(self.cell.arms), self._episodes
         episodes.key[0], episodes.number[0] = key, number
-        draw(self._world, self._draws, episodes, 0, -1.0 if late is None else 0.0)
+        attempt = 0
+        while True:
+            attempt = draw(self._world, self._draws, episodes, 0, -1.0 if late is None else 0.0, attempt)
+            if accepts is None or attempt >= ATTEMPTS or accepts():
+                break
+            attempt += 1
         if late is not None:
             episodes.late[0] += np.asarray(late, dtype=np.float64)
         starts = self._starts
@@ -250,9 +264,7 @@ class Simulation:
     @property
     def uncertain(self) -> NDArray[np.bool_]:
         """(A,) arms that may do less than they are told in this episode."""
-        episodes = self._episodes
-        stops = (episodes.stops[0, :, :, 1] > episodes.stops[0, :, :, 0]).any(axis=1)
-        return (episodes.late[0] > 0.0) | (episodes.speed[0] < 1.0) | stops
+        return uncertain_arms(self._episodes)[0]
 
     def tracking_error(self) -> Array:
         """(A,) how far the tips are from their references now [m]."""

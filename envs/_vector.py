@@ -19,6 +19,7 @@ from armtempo.envs._batch import BatchSimulation, spread
 from armtempo.envs._disturbance import Disturbance, Range
 from armtempo.envs._episode import as_cell, check_late
 from armtempo.envs._observation import action_space, observation_space
+from armtempo.envs._shield import plan_of
 from armtempo.envs._simulation import Physics
 from armtempo.envs._yielding import learner_of, others_of
 from armtempo.errors import ActionError, InputError
@@ -81,6 +82,7 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
         disturbance: What goes wrong with arms.
         observation_noise: Standard deviation.
         start_phase: Share of the path, or a range.
+        shield: Let through only what can neither collide nor end in a deadlock; what it cut is told at the end.
         autoreset_mode: ``NEXT_STEP`` or ``SAME_STEP`` of Gymnasium's ``AutoresetMode``, or its value.
         threads: How many share the episodes; None: one per core, if there are episodes enough.
 
@@ -103,6 +105,7 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
         disturbance: str | Disturbance | None = None,
         observation_noise: float = 0.0,
         start_phase: float | Range = 0.0,
+        shield: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
     ) -> None:
@@ -120,13 +123,15 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
             raise InputError(f"autoreset_mode is {autoreset_mode!r}", remedy="use NEXT_STEP or SAME_STEP")
         self.num_envs = _count(num_envs)
         self.cell = as_cell(cell)
-        self._own = learner_of(self.cell, learner)
+        self._own, self._shielded = learner_of(self.cell, learner), shield
         if others is not None and not isinstance(others, str):
             raise InputError("one Execution cannot run many episodes", remedy="name a planning method instead")
         self._others = others_of(self.cell, others, mode, self.num_envs)
         self.simulation = BatchSimulation(
             self.cell, self.num_envs, mode=mode, disturbance=disturbance, observation_noise=observation_noise,
-            start_phase=start_phase, master_late_s=master_late_s, max_episode_s=max_episode_s,
+            start_phase=start_phase, master_late_s=master_late_s, max_episode_s=max_episode_s, shield=shield,
+            scripted=[i for i in range(len(self.cell.arms)) if i != self._own],
+            plan=plan_of(self.cell, self._others[0]) if shield and self._others else None,
             threads=_threads(self.num_envs, threads),
         )  # fmt: skip
         self.metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -213,6 +218,10 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
             "violation": over & self.simulation.violated,
             "arrival_s": np.where(over, arrival, np.nan),
         }
+        if self._shielded:
+            figures["shield_steps"] = np.where(over, self.simulation.steps, 0)
+            figures["shield_changed"] = np.where(over, self.simulation.shield_changed[:, self._own], 0)
+            figures["shield_change"] = np.where(over, self.simulation.shield_change[:, self._own], 0.0)
         return figures | {f"_{name}": over for name in figures}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
@@ -262,6 +271,7 @@ class CoordinationVectorEnv:
         disturbance: What goes wrong with arms.
         observation_noise: Standard deviation.
         start_phase: Share of the path, or a range.
+        shield: Let through only what can neither collide nor end in a deadlock; what it cut is told at the end.
         threads: How many share the episodes of a cell; None: one per core, if there are episodes enough.
     """
 
@@ -280,6 +290,7 @@ class CoordinationVectorEnv:
         disturbance: str | Disturbance | None = None,
         observation_noise: float = 0.0,
         start_phase: float | Range = 0.0,
+        shield: bool = False,
         threads: int | None = None,
     ) -> None:
         self.num_envs = _count(num_envs)
@@ -301,10 +312,12 @@ class CoordinationVectorEnv:
             BatchSimulation(
                 one, span.stop - span.start, mode=mode, reward=reward, disturbance=disturbance,
                 observation_noise=observation_noise, start_phase=start_phase, master_late_s=master_late_s,
-                max_episode_s=max_episode_s, threads=_threads(span.stop - span.start, threads),
+                max_episode_s=max_episode_s, shield=shield,
+                scripted=[i for i in range(self.arms) if i not in self.learners], threads=_threads(span.stop - span.start, threads),
             )
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip
+        self._shielded = shield
         self.observation_space: Box = observation_space()
         self.action_space: Box = action_space()
         self._full = np.ones((self.num_envs, self.arms))
@@ -358,6 +371,10 @@ class CoordinationVectorEnv:
                 },
                 "_final_info": over.copy(),
             }
+            if self._shielded:
+                for name in ("shield_changed", "shield_change"):
+                    infos["final_info"][name] = self._gathered(name)
+                infos["final_info"]["shield_steps"] = self._gathered("steps")
             for one, span in zip(self.simulations, self._spans, strict=True):
                 if over[span].any():
                     one.reset(over[span])

@@ -144,9 +144,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._closed:
             raise InputError("the environment is closed", remedy="make a new one")
         super().reset(seed=seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, options)
-        if self._shield is not None:
-            self._shield.reset()
+        drawn = self._episode.reset(self.np_random, seed is not None, options, self._shield)
         if self._others is not None:
             self._others.reset()
         self._running = True

@@ -826,8 +826,8 @@ def run(
         lam, x = there, x_next
         used = used + time if time < rest else dt
     mu = np.sqrt(x)
-    if lam < end:  # the last tick is due now, whatever rounding says
-        k = min(k, count - 1)
+    if lam < end and k == count:  # the last tick is due now, whatever rounding says
+        k = max(count - 1, 0)
     for m in range(k, count):
         out[m], speeds[m] = lam, mu
     return lam, mu, used

@@ -282,13 +282,7 @@ class VelocityControl:
             InfeasibleError: Braking from now on cannot keep the slave behind its masters.
         """
         commands, counts, history = self._solve(masters, lam, mu, record=True)
-        trajectory = self.slave.motion(
-            np.repeat(commands, self.checks),
-            np.full(len(commands) * self.checks, self.period / self.checks),
-            lam,
-            mu,
-            mode=self.mode,
-        )
+        trajectory = self.slave.motion(commands, np.full(len(commands), self.period), lam, mu, mode=self.mode)
         corrections = int(counts[0])
         history = history[:corrections].copy()
         history.setflags(write=False)

@@ -10,11 +10,21 @@ import pybullet
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from armtempo.envs import ActionMode, BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv, Physics, YieldingEnv
+from armtempo.envs import (
+    ActionMode,
+    BatchSimulation,
+    BlendTrackingEnv,
+    CoordinationEnv,
+    FeedbackIKEnv,
+    Physics,
+    YieldingEnv,
+)
 from armtempo.envs._scene import Scene
-from armtempo.planners import BlendCell, Cell, IKCell
+from armtempo.planners import BlendCell, Cell, IKCell, build_cell
 
 RESET_MS = 2.0
+BATCH, BATCH_PER_S = 4096, 1e6  # episodes; agent steps of 10 ticks per second on two cores
+SINGLE_PER_S = 1e4
 BARE_RATIO = 2.0
 IDEAL_RATIO = 10.0
 STEPS_PER_S = {"bullet": 500.0, "ideal": 5000.0}  # on a machine that does other things too
@@ -160,3 +170,52 @@ def test_ideal_against_bullet(lee1991: Cell, capsys: pytest.CaptureFixture[str])
     finally:
         bullet.close()
         ideal.close()
+
+
+def _agent_steps_per_second(simulation: BatchSimulation, steps: int) -> float:
+    """Random commands; episodes that are over begin anew."""
+    random = np.random.default_rng(0)
+    commands = [random.uniform(0.0, 1.0, simulation.lam.shape) for _ in range(16)]
+    began = time.perf_counter()
+    for k in range(steps):
+        simulation.step(commands[k % 16])
+        over = (simulation.terminated | simulation.truncated).all(axis=1)
+        if over.any():
+            simulation.reset(over)
+    return steps * simulation.lam.size / (time.perf_counter() - began)
+
+
+def test_batch(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+    """4096 episodes, 10 ticks a step; rounds in turns, best of many, because the machine does other things too."""
+    cell = build_cell(lee1991.config.model_copy(update={"control_period_s": 0.010}))
+    one, two = (BatchSimulation(cell, BATCH, threads=threads) for threads in (1, 2))
+    single = YieldingEnv(cell, physics="ideal", master_late_s=LATE)
+    bullet = YieldingEnv(cell, physics="bullet", master_late_s=LATE)
+    try:
+        for simulation in (one, two):
+            _agent_steps_per_second(simulation, 40)  # so that episodes are everywhere on their way
+        rates = np.array(
+            [
+                (
+                    _agent_steps_per_second(one, 10),
+                    _agent_steps_per_second(two, 10),
+                    1.0 / _seconds_per_step(single, 500),
+                    1.0 / _seconds_per_step(bullet, 20),
+                )
+                for _ in range(30)
+            ]
+        ).max(axis=0)
+        with capsys.disabled():
+            print(  # noqa: T201
+                f"\nbatch of {BATCH}: {rates[0]:.3g} agent steps/s on one core, {rates[1]:.3g} on two "
+                f"(ratio {rates[1] / rates[0]:.2f}); single ideal {rates[2]:.0f} steps/s, bullet {rates[3]:.0f} "
+                f"(ratio {rates[2] / rates[3]:.1f})"
+            )
+        assert rates[1] >= BATCH_PER_S
+        assert rates[2] >= SINGLE_PER_S
+        assert rates[2] >= IDEAL_RATIO * rates[3]
+    finally:
+        for env in (single, bullet):
+            env.close()
+        for simulation in (one, two):
+            simulation.close()

@@ -24,11 +24,11 @@ def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: Cell) -> Non
         env.step(_all(env))
     for plane, late, arrival in zip(lee1991.planes, (FAR_APART, 0.0), env.trace.arrival, strict=True):
         lam, mu, clock = 0.0, 0.0, 0.0
-        while lam < plane.length:  # the same ticks, by the planner
-            lam, mu, used = plane.advance(lam, mu, 1.0, lee1991.physics_tick)
+        while lam < plane.length:  # the same periods, by the planner
+            lam, mu, used = plane.advance(lam, mu, 1.0, lee1991.control_period)
             clock += used
-        assert arrival - late == pytest.approx(clock, abs=1e-12)
-        assert arrival - late == pytest.approx(plane.fastest().duration, abs=5e-5)  # cut into ticks
+        assert arrival - late == pytest.approx(clock, abs=2e-5)
+        assert arrival - late == pytest.approx(plane.fastest().duration, abs=5e-5)  # cut into periods
     assert (env.trace.arrival % lee1991.physics_tick > 1e-6).all()  # not rounded to ticks
     np.testing.assert_array_equal(env.simulation.lam, [path.length for path in lee1991.paths])
     np.testing.assert_array_equal(env.simulation.mu, 0.0)

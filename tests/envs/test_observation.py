@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs import ENTRIES, MODES, OTHER, OTHERS, OWN, PHYSICS, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs._observation import share
-from armtempo.planners import Cell, Mode
+from armtempo.planners import Cell, Mode, schedule
 
 NAMES = [entry.name for entry in ENTRIES]
 FLOAT32 = 1e-6
@@ -114,6 +114,51 @@ def test_distance_and_release_are_those_of_the_chart(lee1991: Cell) -> None:
             if i == 1 and ahead and distance > 0.0:  # never farther than the first blocked place right now
                 assert own + distance * lengths[i] <= chart.next_collision(other, own) + 1e-9
     assert seen == {True, False}
+    env.close()
+
+
+def test_wait_and_lead_are_those_of_the_minimum_time_motions(lee1991: Cell) -> None:
+    """Brute force over the chart's rows: when the other leaves each one for good, and when this arm gets there."""
+    env = CoordinationEnv(lee1991, physics="ideal")
+    env.reset()
+    random = np.random.default_rng(6)
+    lengths = [path.length for path in lee1991.paths]
+    stations = [plane.rows.station for plane in lee1991.planes]
+    to_go = [m.duration - m.time_at(s) for m, s in zip(lee1991.fastest, stations, strict=True)]
+    signs = set()
+    for _ in range(200):
+        lam = random.uniform(0.0, 1.0, 2) * lengths
+        env.simulation.lam[:], env.simulation.mu[:] = lam, 0.0
+        rows = env.simulation.observe()
+        left = [float(np.interp(lam[k], stations[k], to_go[k])) for k in range(2)]
+        waits = []
+        for i, chart in ((0, lee1991.chart.swapped), (1, lee1991.chart)):  # chart: (other, own)
+            j = 1 - i
+            here = int(lam[i] / lengths[i] * chart.resolution)
+            worst, ahead = -1.0, False
+            for k in range(here, chart.resolution):
+                if chart.last_column[k] >= 0:
+                    border = (chart.last_column[k] + 1) * chart.step_a
+                    ahead |= border > lam[j]
+                    leaves = left[j] - np.interp(border, stations[j], to_go[j])
+                    reaches = left[i] - np.interp(max(k * chart.step_b, lam[i]), stations[i], to_go[i])
+                    worst = max(worst, (leaves - reaches) / lee1991.fastest[i].duration)
+            waits.append(worst if ahead else -1.0)
+            signs.add((ahead, worst > 0.0))
+        for i in range(2):
+            assert _entry(rows[i], "other_0.wait") == pytest.approx(min(waits[i], 1.0), abs=FLOAT32)
+            assert _entry(rows[i], "other_0.lead") == pytest.approx(min(waits[1 - i], 1.0), abs=FLOAT32)
+    assert len(signs) >= 3
+    env.close()
+
+
+def test_waiting_as_long_as_told_passes_behind(lee1991: Cell) -> None:
+    """At the start ``wait`` is the start delay that the planner finds."""
+    env = CoordinationEnv(lee1991, physics="ideal")
+    observations, _ = env.reset()
+    wait = _entry(observations["arm_1"], "other_0.wait") * lee1991.fastest[1].duration
+    planned = schedule(lee1991, "delay").trajectories[1].duration - lee1991.fastest[1].duration
+    assert wait == pytest.approx(planned, abs=2e-3)
     env.close()
 
 
