@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import combinations, permutations
 from typing import Any, final
 
@@ -49,7 +50,7 @@ def shield_tables(
         length += len(limit_a) + len(limit_b)
     arms = len(cell.arms)
     fastest = [float(np.sqrt(plane.edges.high.max())) for plane in cell.planes]
-    spacing = np.array([[path.length / (NODES - 1), v / (LEVELS - 1)] for path, v in zip(cell.paths, fastest)])
+    spacing = np.array([[path.length / (NODES - 1), v / (LEVELS - 1)] for path, v in zip(cell.paths, fastest, strict=True)])
     stop = np.zeros((arms, NODES, LEVELS))
     for i in range(arms):
         stop_table(world, i, cell.ticks_per_period, spacing[i], stop[i])
@@ -82,12 +83,19 @@ def _candidates(
     else:
         ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
         rows = [orders.of_ranks(rank) for rank in ranks]
-        if cell.priority_class == "mixed":
-            try:
+        if not any(_leads_on(orders, row) for row in rows):
+            with suppress(InfeasibleError):  # the error is for whoever starts an episode
                 rows.append(orders.of_precedence(precedence(schedule(cell, "optimal"))))
-            except InfeasibleError:
-                pass  # what is left to begin with is decided from where the arms are
     return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
+
+
+def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
+    meant = orders.precedence(row)
+    try:
+        meant.check_deadlock_free()
+    except InfeasibleError:
+        return False
+    return all(limit[0] > 0.0 for limit in meant.limits.values())  # else an arm is in the way where it starts
 
 
 def shield_work(cell: Cell, regions: int) -> ShieldWork:
@@ -101,6 +109,7 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
         after=np.zeros((2, arms, 3)),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
+        speeds=np.zeros(ticks),
     )
 
 

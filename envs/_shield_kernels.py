@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._kernels import run_arm
-from armtempo.envs._world import World, edges_of, length_of, rows_of
+from armtempo.envs._world import World, edges_of, length_of, rows_of, steps_of
 from armtempo.planners import phase_kernels
 from armtempo.robots import njit
 
@@ -26,7 +25,7 @@ Orders = NDArray[np.int8]
 MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
 HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
-PARTS = 8  # of a tick, in which limits are asked
+PARTS = 16  # of a tick, in which limits are asked
 UNKNOWN, STARTED = -2, -1  # how much of an arm is foreseen; else the ticks until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
@@ -52,6 +51,7 @@ class ShieldWork(NamedTuple):
     after: Array  # (2, A, 3) place and speed after that period, and a bound on where it stops
     orders: Orders  # (2, R)
     lam: Array  # (2, A)
+    speeds: Array  # (ticks of a period,)
 
 
 @njit
@@ -119,7 +119,7 @@ def first_orders(
 def stop_table(world: World, i: int, ticks: int, spacing: Array, out: Array) -> None:
     """Fill ``out`` (N, M) with where arm i stops if it brakes at a node, and what it covers in two ticks."""
     rows, edges = rows_of(world, i), edges_of(world, i)
-    end, scratch = length_of(world, i), np.empty(ticks)
+    steps, end, scratch, speeds = steps_of(world, i), length_of(world, i), np.empty(ticks), np.empty(ticks)
     for node in range(out.shape[0]):
         for level in range(out.shape[1]):
             place, speed = min(node * spacing[0], end), level * spacing[1]
@@ -131,7 +131,9 @@ def stop_table(world: World, i: int, ticks: int, spacing: Array, out: Array) -> 
             speed = min(speed, edge)
             for _ in range(100000):
                 before = place
-                place, speed, _ = run_arm(rows, edges, place, speed, 0.0, world.by_speed, world.tick, ticks, scratch)
+                place, speed, _ = phase_kernels.run(
+                    steps, place, speed, 0.0, world.by_speed, world.tick, ticks, scratch, speeds
+                )
                 if speed <= 0.0 or place >= end or place == before:
                     break
             out[node, level] = min(place + slack, end)
@@ -161,8 +163,8 @@ def _start(
     """Foresee arm i for one period under a command."""
     out = work.places[row, i]
     out[0] = lam
-    after, speed, _ = run_arm(
-        rows_of(world, i), edges_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1]
+    after, speed, _ = phase_kernels.run(
+        steps_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1], work.speeds
     )
     work.after[row, i, 0], work.after[row, i, 1] = after, speed
     work.after[row, i, 2] = stop_bound(tables, i, after, speed)
@@ -184,15 +186,14 @@ def _foresee(
         _start(world, tables, row, i, lam[i], mu[i], commands[i] if row == 0 else 0.0, ticks, work)
     out, k = work.places[row, i], ticks
     last = out.shape[0] - 1
-    rows, edges = rows_of(world, i), edges_of(world, i)
-    end = rows.station[rows.station.shape[0] - 1]
+    steps, end = steps_of(world, i), length_of(world, i)
     place, speed = work.after[row, i, 0], work.after[row, i, 1]
     while k + ticks < last:
         if place >= end or (speed <= 0.0 and tables.holdable[i]):
             break
         before = place
-        place, speed, _ = run_arm(
-            rows, edges, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks]
+        place, speed, _ = phase_kernels.run(
+            steps, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks], work.speeds
         )
         if place == before:
             break
@@ -223,14 +224,14 @@ def _behind(
 
     Limits never fall, so in every part of the tick it is enough that the one is behind at its end the limit from where
     the other is at its begin. Inside a tick places differ from the chord by an eighth of the second difference if the
-    acceleration is constant; eight times that is allowed for.
+    acceleration is constant; four times that is allowed for.
     """
     begin, end = near[min(k - 1, near_last)], near[min(k, near_last)]
     if far[k] <= limit_at(tables, r, order, begin, length) - margin:
         return True
     if far[k] > limit_at(tables, r, order, end, length) - margin:
         return False
-    far_bend, near_bend = _bend(far, k, far_last), _bend(near, k, near_last)
+    far_bend, near_bend = 0.5 * _bend(far, k, far_last), 0.5 * _bend(near, k, near_last)
     for part in range(PARTS):
         low = max(begin + part / PARTS * (end - begin) - near_bend, begin)
         high = min(far[k - 1] + (part + 1) / PARTS * (far[k] - far[k - 1]) + far_bend, far[k])

@@ -1,5 +1,6 @@
 """Shielded episodes in one compiled loop, for trials of millions of steps: requests that mean no good, in ``ideal``."""
 
+# ruff: noqa: NPY002 (numba has no Generator that is seeded inside)
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -8,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._kernels import run_arm
 from armtempo.envs._shield import Shield
 from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, first_orders
 from armtempo.envs._simulation import Simulation
-from armtempo.envs._world import World, clearance_of, edges_of, length_of, rows_of
-from armtempo.planners import Cell, Mode, tabulated_clearance
+from armtempo.envs._world import World, clearance_of, length_of, steps_of
+from armtempo.planners import Cell, Mode, phase_kernels, tabulated_clearance
 from armtempo.robots import njit
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def _run(
     """Fill ``counts`` (steps, episodes, violations, stuck, changed) and ``figures`` (change, makespan, clearance)."""
     np.random.seed(seed)
     arms = scripted.shape[0]
-    places = np.empty((arms, ticks))
+    places, speeds = np.empty((arms, ticks)), np.empty(ticks)
     kinds = np.empty(arms, np.int64)
     asked, admitted, done = np.empty(arms), np.empty(arms), np.empty(arms)
     while counts[0] < steps:
@@ -106,9 +106,9 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    lam[i], mu[i], done[i] = run_arm(
-                        rows_of(world, i), edges_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks,
-                        places[i],
+                    lam[i], mu[i], done[i] = phase_kernels.run(
+                        steps_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
+                        speeds,
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[0] += 1

@@ -130,9 +130,7 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def make_shield(self, tube_m: float = 0.0) -> EpisodeShield:
         """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
         scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
-        return EpisodeShield(
-            self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m
-        )
+        return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
 
     @property
     def trace(self) -> EpisodeTrace:

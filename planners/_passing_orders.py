@@ -63,9 +63,7 @@ class PassingOrders:
     regions: tuple[PassingRegion, ...]
 
     @classmethod
-    def of_charts(
-        cls, lengths: Sequence[float], charts: Mapping[tuple[int, int], CoordinationChart]
-    ) -> PassingOrders:
+    def of_charts(cls, lengths: Sequence[float], charts: Mapping[tuple[int, int], CoordinationChart]) -> PassingOrders:
         """``charts`` by pair a < b, first index along arm a's path; pairs that are left out never meet.
 
         Raises:
@@ -107,7 +105,9 @@ class PassingOrders:
         out = np.zeros(len(self.regions), dtype=np.int8)
         for r, region in enumerate(self.regions):
             # Where arm b's last cell of the region still holds arm a back before it, b passes first.
-            last = (region.begin_b + len(region.limit_a)) * self.lengths[region.b] / self.resolutions[region.a, region.b]
+            last = (
+                (region.begin_b + len(region.limit_a)) * self.lengths[region.b] / self.resolutions[region.a, region.b]
+            )
             held = float(precedence.farthest(region.a, region.b, last * (1.0 - 1e-9)))
             widest = (region.begin_a + len(region.limit_b)) * self.lengths[region.a]
             out[r] = held < widest / self.resolutions[region.a, region.b]

@@ -1,0 +1,145 @@
+"""The shield: nothing that is asked for collides or sticks, and what needs no change gets none."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+from armtempo.envs import (
+    REQUESTS,
+    CoordinationEnv,
+    Shield,
+    ShieldParallelWrapper,
+    ShieldWrapper,
+    Simulation,
+    YieldingEnv,
+    shield_trial,
+)
+from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners import Cell, load_cell, schedule
+
+FULL = np.ones(1, dtype=np.float32)
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Cell:
+    return load_cell("mixed-priority")
+
+
+@pytest.mark.parametrize("requests", REQUESTS)
+@pytest.mark.parametrize("uncertain", [(), (0,), (0, 1)])
+def test_trials_neither_violate_nor_stick(mixed: Cell, requests: str, uncertain: tuple[int, ...]) -> None:
+    trial = shield_trial(mixed, requests, 13_400, uncertain=uncertain)
+    assert trial.steps >= 13_400
+    assert trial.violations == 0
+    assert trial.stuck == 0
+    assert trial.clearance > mixed.d_min
+
+
+def test_the_same_requests_collide_without(mixed: Cell) -> None:
+    assert shield_trial(mixed, "full", 2_000, shielded=False).violations > 0
+    assert shield_trial(mixed, "mixed", 2_000, shielded=False).violations > 0
+
+
+def test_full_speed_is_near_the_optimum(mixed: Cell) -> None:
+    trial = shield_trial(mixed, "full", 1_000)
+    assert trial.changed > 0.0
+    assert 1.0 - 1e-6 <= trial.makespan / schedule(mixed, "optimal").makespan <= 1.06
+
+
+def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: Cell) -> None:
+    simulation = Simulation(mixed, physics="ideal")
+    shield = Shield(mixed, simulation.world)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        simulation.reset()
+        shield.reset(simulation.lam)
+        lengths = np.array([path.length for path in mixed.paths])
+        far = True
+        while (simulation.lam < lengths).any():
+            asked = rng.uniform(0.0, 1.0, 2)
+            admitted = shield.admit(simulation.lam, simulation.mu, asked)
+            again = shield.admit(simulation.lam, simulation.mu, admitted)
+            np.testing.assert_array_equal(again, admitted)
+            assert (admitted <= asked).all()
+            assert shield.leads_on(simulation.lam)
+            if far:
+                np.testing.assert_array_equal(admitted, asked)
+            far = False  # only at the start, at rest, far from every region
+            simulation.step(admitted)
+            assert not simulation.violated
+        assert np.isfinite(simulation.arrival).all()
+
+
+def test_option_and_wrapper_do_the_same(mixed: Cell) -> None:
+    inside = CoordinationEnv(mixed, physics="ideal", shield=True)
+    outside = ShieldParallelWrapper(CoordinationEnv(mixed, physics="ideal"))
+    rng = np.random.default_rng(1)
+    first, _ = inside.reset(seed=3)
+    second, _ = outside.reset(seed=3)
+    changes = 0
+    while inside.agents:
+        actions = {agent: rng.uniform(0.5, 1.0, 1).astype(np.float32) for agent in inside.agents}
+        first, rewards, ended, _, infos = inside.step(actions)
+        second, others, _, _, beside = outside.step(actions)
+        for agent in first:
+            np.testing.assert_array_equal(first[agent], second[agent])
+            assert rewards[agent] == others[agent]
+            assert infos[agent] == beside[agent]
+            changes += infos[agent]["shield"]["changed"]
+            if ended[agent]:
+                assert infos[agent]["is_success"]
+                assert infos[agent]["shield_change"] >= 0.0
+    assert changes > 0
+
+
+@pytest.mark.parametrize("disturbance", [None, "late", "slow", "stop-and-go"])
+def test_a_slave_behind_a_disturbed_master(disturbance: str | None) -> None:
+    cell = load_cell("lee1991")
+    wrapped = ShieldWrapper(YieldingEnv(cell, physics="ideal", disturbance=disturbance))
+    env: gymnasium.Env[np.ndarray, np.ndarray] = YieldingEnv(
+        cell, physics="ideal", disturbance=disturbance, shield=True
+    )
+    for seed in range(5):
+        env.reset(seed=seed)
+        wrapped.reset(seed=seed)
+        over = False
+        while not over:
+            observation, _, terminated, truncated, info = env.step(FULL)
+            np.testing.assert_array_equal(observation, wrapped.step(FULL)[0])
+            over = terminated or truncated
+        assert info["is_success"]
+        assert info["shield_changed"] > 0
+
+
+def test_a_few_steps_in_bullet() -> None:
+    env = CoordinationEnv("lee1991", physics="bullet", shield=True)
+    env.reset(options={"master_late_s": 0.05})
+    while env.agents:
+        _, _, _, _, infos = env.step(dict.fromkeys(env.agents, FULL))
+        assert not any(info["shield_tube_exceeded"] for info in infos.values())
+    assert not env.simulation.violated
+    env.close()
+
+
+def test_a_plan_says_who_passes_first(mixed: Cell) -> None:
+    """A learner behind arms that run through whatever it does has nowhere to go; behind a plan it has."""
+    try:
+        YieldingEnv(mixed, physics="ideal", shield=True, learner=mixed.arms[0].name)
+    except InfeasibleError as error:
+        assert "others='optimal'" in str(error)
+    env = YieldingEnv(mixed, physics="ideal", shield=True, others="optimal")
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, _, terminated, truncated, info = env.step(FULL)
+        over = terminated or truncated
+    assert info["is_success"]
+
+
+def test_wrong_wrapping_is_refused(mixed: Cell) -> None:
+    with pytest.raises(InputError, match="shield_tube_m"):
+        CoordinationEnv(mixed, physics="ideal", shield=True, shield_tube_m=-1.0)
+    with pytest.raises(InputError, match="has no shield"):
+        ShieldWrapper(gymnasium.make("CartPole-v1"))
