@@ -198,7 +198,7 @@ class BatchSimulation:
             if failed >= 0:
                 raise InfeasibleError(
                     f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
-                    remedy="let the other arms follow a plan, others='optimal'" if self._scripted.any() else None,
+                    remedy="let the other arms follow a plan, others='optimal'" if self._scripted.any() else "start the arms elsewhere",
                 )
             self._uncertain[active] = uncertain_arms(self._episodes)[active]
             self.shield_changed[active], self.shield_change[active] = 0, 0.0

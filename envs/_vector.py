@@ -61,7 +61,7 @@ def read_commands(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 @final
-class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
+class YieldingVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
     """E ``YieldingEnv`` at once (``gymnasium.make_vec("armtempo/Yielding-v0", num_envs=E)``), without physics.
 
     Environment k of seed s has the bits of a single one with ``physics="ideal"`` and seed s + k. Infos hold, at the
@@ -178,7 +178,7 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, Array]):
     def _begun(self, begun: Bools) -> dict[str, Any]:
         return {"master_late_s": np.where(begun, self.simulation.drawn["late_s"][:, 0], 0.0), "_master_late_s": begun}
 
-    def step(self, actions: Floats) -> tuple[Floats, Array, Bools, Bools, dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Floats, Array, Bools, Bools, dict[str, Any]]:
         """Run one control period; environments whose episode was over begin anew instead (``NEXT_STEP``).
 
         Raises:
@@ -294,8 +294,8 @@ class CoordinationVectorEnv:
         threads: int | None = None,
     ) -> None:
         self.num_envs = _count(num_envs)
-        single = isinstance(cell, Cell | str | Path)
-        self.cells = tuple(as_cell(one) for one in ([cell] if single else cell))  # type: ignore[list-item, union-attr]
+        given = [cell] if isinstance(cell, Cell | str | Path) else list(cell)
+        self.cells = tuple(as_cell(one) for one in given)
         counts = {len(one.arms) for one in self.cells}
         if len(counts) != 1 or len(self.cells) > self.num_envs:
             raise InputError(

@@ -60,7 +60,12 @@ def test_families_keep_to_their_ranges(lee1991: Cell, family: str) -> None:
     assert late.max() <= 0.5 * T
     assert speed.min() >= 0.4
     kinds = [late[:, 0] > 0.0, speed[:, 0] < 1.0, count[:, 0] > 0]
-    wanted = {"late": [1, 0, 0], "slow": [0, 1, 0], "stop-and-go": [0, 0, 1], "any": [1 / 3, 1 / 3, 1 / 3]}[family]
+    wanted: list[float] = {
+        "late": [1.0, 0.0, 0.0],
+        "slow": [0.0, 1.0, 0.0],
+        "stop-and-go": [0.0, 0.0, 1.0],
+        "any": [1 / 3, 1 / 3, 1 / 3],
+    }[family]
     np.testing.assert_allclose([kind.mean() for kind in kinds], wanted, atol=0.1)
     assert (sum(kind.astype(int) for kind in kinds) == 1).all()
     if kinds[2].any():
