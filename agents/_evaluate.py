@@ -17,9 +17,20 @@ from armtempo.agents._evaluate_blend import BlendEvaluation, evaluate_blend
 from armtempo.agents._evaluate_ik import IKEvaluation, evaluate_ik
 from armtempo.agents._learned import learned_policy
 from armtempo.agents._policy import Policy, chosen_policies
-from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics
+from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics, disturbed_motion
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import METHODS, BlendCell, Cell, FamilyName, IKCell, Mode, Schedule, TargetFamilyName, schedule
+from armtempo.planners import (
+    METHODS,
+    BlendCell,
+    Cell,
+    FamilyName,
+    IKCell,
+    Mode,
+    Schedule,
+    TargetFamilyName,
+    clairvoyant,
+    schedule,
+)
 
 ONLINE = ("vci", "delay")
 """Classical policies that react while they act: learned agents are held against the better of them."""
@@ -88,6 +99,8 @@ class Evaluation:
         options: Shield, disturbance, observation noise and start phase, where they were asked for.
         results: By policy.
         refused: Policies whose schedule does not exist in this cell, and why.
+        clairvoyant_s: Behind a disturbed first arm: in each episode, the makespan of who knows of the disturbance
+            beforehand and lets the first arm pass undelayed [s]. Where the first arm yields, less may be possible.
     """
 
     cell: Cell
@@ -99,6 +112,7 @@ class Evaluation:
     options: dict[str, Any]
     results: dict[str, PolicyResult]
     refused: dict[str, str]
+    clairvoyant_s: tuple[float, ...] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the traces, units in the keys."""
@@ -113,10 +127,26 @@ class Evaluation:
             "d_min_m": self.cell.d_min,
             "sequential_s": self.cell.sequential_makespan,
             "lower_bound_s": self.cell.lower_bound,
+            "clairvoyant_s": self.clairvoyant_s,
             "best_online": self.best_online,
-            "policies": {name: result.to_dict() | self._against_best(name) for name, result in self.results.items()},
+            "policies": {
+                name: result.to_dict() | {"regret_percent": self.regret(name)} | self._against_best(name)
+                for name, result in self.results.items()
+            },
             "refused": self.refused,
         }
+
+    def regret(self, name: str) -> float | None:
+        """How far a policy's mean makespan is above ``clairvoyant_s`` [%], over the episodes that it finished."""
+        pairs = [
+            (own, best)
+            for own, best in zip(self.results[name].makespans_s, self.clairvoyant_s or (), strict=False)
+            if own is not None
+        ]
+        if not pairs:
+            return None
+        own_times, best_times = np.array(pairs).T
+        return 100.0 * (float(own_times.mean() / best_times.mean()) - 1.0)
 
     @property
     def best_online(self) -> str | None:
@@ -291,6 +321,7 @@ def evaluate(
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True, **asked)
     try:
         results, refused = {}, {}
+        known = _clairvoyant(env, episodes, seed) if (disturbance or master_late_s) and not start_phase else None
         for name in chosen:
             began = time.perf_counter()
             try:
@@ -314,7 +345,22 @@ def evaluate(
         options=asked,
         results=results,
         refused=refused,
+        clairvoyant_s=known,
     )
+
+
+def _clairvoyant(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:
+    """Makespans of the best answers to the disturbed first arm; None where the others find none."""
+    makespans = []
+    for episode in range(episodes):
+        _, infos = env.reset(seed=seed + episode)
+        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.mode)
+        try:
+            motions = clairvoyant(env.cell, {0: first})
+        except InfeasibleError:
+            return None
+        makespans.append(max(motion.duration for motion in motions))
+    return tuple(makespans)
 
 
 def _evaluate_one(

@@ -208,7 +208,9 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
     heads = ["plan\n\\[s]", "simul.\n\\[s]"]
     heads += ["95 %\nof mean"] if several else []
     heads += [f"ratio to\n{best_online}"] if several and best_online else []
-    heads += ["saving\n\\[%]", "gap\n\\[%]", "clear.\n\\[mm]", "torque\n\\[x limit]"]
+    known = evaluation.clairvoyant_s
+    heads += ["saving\n\\[%]", "gap\n\\[%]", *(["regret\n\\[%]"] if known else [])]
+    heads += ["clear.\n\\[mm]", "torque\n\\[x limit]"]
     heads += ["demand\n\\[x limit]", "clipped\n\\[%]"] if roomy and not several else []
     shielded = any(r.interventions is not None for r in results.values())
     heads += ["path\nerr. \\[mm]", "too close\n\\[ticks]"] + (["shield\n\\[% changed]"] if shielded else [])
@@ -227,6 +229,7 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
             *([_ratio(evaluation, name)] if several and best_online else []),
             number(r.saving_percent, 1),
             number(r.gap_percent, 2),
+            *([number(evaluation.regret(name), 2)] if known else []),
             f"[red]{clearance}[/]" if r.violations else clearance,
             number(r.torque_ratio_max, 3),
         ]
@@ -238,6 +241,8 @@ def _tabulate(evaluation: Evaluation, output: Output, master_late: float) -> Non
     for name in evaluation.refused:
         table.add_row(name, "none", *["–"] * (len(table.columns) - 2))
     output.table(table)
+    if known:
+        output.say(f"Who knows beforehand what happens to the first arm takes {sum(known) / len(known):.4f} s (mean).")
     output.say(reading(evaluation))
     for name, why in evaluation.refused.items():
         output.say(f"{name} has no plan: {why}")
