@@ -35,6 +35,7 @@ from armtempo.agents._extra import TRAINING, load_training
 from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
 from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
+from armtempo.agents._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
 from armtempo.agents._sweep import Objective, SweepTrial, sweep
 from armtempo.agents._sweep_objective import training_gap
 
@@ -44,6 +45,10 @@ if TYPE_CHECKING:
     from armtempo.agents._train import Training, train
 
 __all__ = [
+    "SPLIT_POLICIES",
+    "CellComparison",
+    "SplitComparison",
+    "compare_on",
     "BLEND_POLICIES",
     "ONLINE",
     "POLICIES",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from armtempo.commands._bench_agents import bench_agents
 from armtempo.commands._output import JsonFile, Output, new_table, number, shown
 
 if TYPE_CHECKING:
@@ -256,8 +257,12 @@ def bench_arms(
 
 
 def bench() -> None:
-    """Benchmarks: coordination (all methods on a fixed set of cells), arms (planning time over the number of arms)."""
+    """Benchmarks: coordination (all methods on a fixed set of cells), arms (planning time over their number), agents."""
     # for the list of commands; main dispatches the line itself
 
 
-BENCHES: dict[str, Callable[..., None]] = {"coordination": bench_coordination, "arms": bench_arms}
+BENCHES: dict[str, Callable[..., None]] = {
+    "coordination": bench_coordination,
+    "arms": bench_arms,
+    "agents": bench_agents,
+}
