@@ -15,6 +15,7 @@ from armtempo.errors import InputError
 
 if TYPE_CHECKING:
     import optuna
+    from optuna import Study
 
 Objective = Callable[[TrainConfig, Path], float]
 """Trains in an empty folder; returns what is to become small, infinity at worst."""
@@ -125,14 +126,14 @@ def _optuna() -> Any:
     return optuna
 
 
-def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | None) -> optuna.Study:
+def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | None) -> Study:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
     storage.mkdir(parents=True, exist_ok=True)
     path = str(storage / JOURNAL)
     samplers = optuna.samplers
-    study: optuna.Study = optuna.create_study(
+    study: Study = optuna.create_study(
         study_name=config.name,
         direction="minimize",
         load_if_exists=True,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, final
 
@@ -114,7 +115,7 @@ class BatchSimulation:
         bounds = np.linspace(0, E, min(int(threads), E) + 1).astype(int)
         self._chunks = [
             (int(first), int(last), scratch_for(int(last - first), A, self.cell.ticks_per_period))
-            for first, last in zip(bounds[:-1], bounds[1:], strict=True)
+            for first, last in pairwise(bounds)
         ]
         self._pool = ThreadPoolExecutor(len(self._chunks) - 1) if len(self._chunks) > 1 else None
         self._shield = shield
@@ -196,16 +197,17 @@ class BatchSimulation:
                 self._works[0],
             )  # fmt: skip
             if failed >= 0:
+                remedy = "let the other arms follow a plan, others='optimal'"
                 raise InfeasibleError(
                     f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
-                    remedy="let the other arms follow a plan, others='optimal'" if self._scripted.any() else "start the arms elsewhere",
+                    remedy=remedy if self._scripted.any() else "start the arms elsewhere",
                 )
             self._uncertain[active] = uncertain_arms(self._episodes)[active]
             self.shield_changed[active], self.shield_change[active] = 0, 0.0
         self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
         observe(
-            self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER), self._chunks[0][2],
-            self.observations,
+            self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
+            self._chunks[0][2], self.observations,
         )  # fmt: skip
 
     def step(self, commands: Array, active: Bools | None = None) -> None:

@@ -45,7 +45,8 @@ class CoordinationEnv(ParallelEnv[str, Observation, NDArray[np.float32]]):  # ty
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
 
-    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); ``master_late_s`` holds the first one there for that time.
+    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); ``master_late_s`` holds the
+    first one there for that time.
 
     **End**: an arm *terminates* when it has arrived: in ``ideal`` at (length, 0) exactly, its instant inside the
     tick; in ``bullet`` at the later of its reference's end and the first tick from which its tip stays within 1 mm of

@@ -74,8 +74,8 @@ _FAMILIES = {  # times are shares of the arm's minimum time
     "stop-and-go": Disturbance(stops=(1, 3), stop_s=(0.1, 0.5)),
 }
 DISTURBANCES = (*_FAMILIES, "any")
-"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, obeying 0.4 to 1
-of its commands; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every episode."""
+"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, obeying 0.4 to
+1 of its commands; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every episode."""
 
 
 class Draws(NamedTuple):
@@ -101,7 +101,9 @@ def as_range(value: float | Range, name: str, highest: float) -> Range:
         low, high = math.nan, math.nan
     if not (0.0 <= low <= high <= highest and math.isfinite(high)):
         limits = "" if highest == math.inf else f", at most {highest:g}"
-        raise InputError(f"{name} must be a number or a range, 0 or more{limits}, got {value!r}", remedy="give 0 or more")
+        raise InputError(
+            f"{name} must be a number or a range, 0 or more{limits}, got {value!r}", remedy="give 0 or more"
+        )
     return low, high
 
 
@@ -112,7 +114,9 @@ def as_noise(value: float) -> float:
         InputError: It is not.
     """
     if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
-        raise InputError(f"observation_noise must be a finite number, 0 or more, got {value!r}", remedy="give 0 or more")
+        raise InputError(
+            f"observation_noise must be a finite number, 0 or more, got {value!r}", remedy="give 0 or more"
+        )
     return float(value)
 
 

@@ -364,8 +364,10 @@ def observe(
                 for slot in range(min(others, arms - 1)):
                     best = -1
                     for j in range(arms):
-                        behind = taken < 0 or pair[i, j, 0] > pair[i, taken, 0] or (
-                            pair[i, j, 0] == pair[i, taken, 0] and j > taken
+                        behind = (
+                            taken < 0
+                            or pair[i, j, 0] > pair[i, taken, 0]
+                            or (pair[i, j, 0] == pair[i, taken, 0] and j > taken)
                         )
                         if j != i and behind and (best < 0 or pair[i, j, 0] < pair[i, best, 0]):
                             best = j

@@ -40,7 +40,9 @@ OTHER = (
     Entry("speed", -1.0, 1.0, "its mu as a share of its mu*; 0 is -1"),
     Entry("time_to_go", -1.0, 1.0, "what its minimum-time motion still takes as a share of its T; none is -1"),
     Entry(
-        "wait", -1.0, 1.0,
+        "wait",
+        -1.0,
+        1.0,
         "how long to wait so that the minimum-time motion from here passes behind its one from where it is, as a share "
         "of T; 0 and less: no need; no region ahead is -1",
     ),

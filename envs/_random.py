@@ -17,9 +17,9 @@ MASTER_LATE, FAMILY, LATE, SPEED, STOPS, BEGIN, LENGTH, PHASE, NOISE = range(9)
 
 
 @njit
-def _mixed(z: int, part: int) -> int:
+def _mixed(z: np.uint64, part: int) -> np.uint64:
     """One round: a 64-bit integer from two, every bit of it depending on every bit of them."""
-    z = np.uint64(z) + np.uint64(0x9E3779B97F4A7C15) * (np.uint64(part) + np.uint64(1))
+    z = z + np.uint64(0x9E3779B97F4A7C15) * (np.uint64(part) + np.uint64(1))
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return z ^ (z >> np.uint64(31))

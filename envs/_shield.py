@@ -50,7 +50,8 @@ def shield_tables(
         length += len(limit_a) + len(limit_b)
     arms = len(cell.arms)
     fastest = [float(np.sqrt(plane.edges.high.max())) for plane in cell.planes]
-    spacing = np.array([[path.length / (NODES - 1), v / (LEVELS - 1)] for path, v in zip(cell.paths, fastest, strict=True)])
+    lengths = [path.length for path in cell.paths]
+    spacing = np.array([[end / (NODES - 1), v / (LEVELS - 1)] for end, v in zip(lengths, fastest, strict=True)])
     stop = np.zeros((arms, NODES, LEVELS))
     for i in range(arms):
         stop_table(world, i, cell.ticks_per_period, spacing[i], stop[i])

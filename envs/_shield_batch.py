@@ -42,6 +42,15 @@ def admit_all(
     for e in range(first, last):
         if active[e]:
             admit(
-                world, tables, orders[e], episodes.lam[e], episodes.mu[e], commands[e], scripted, uncertain[e], ticks,
-                admitted[e], work,
+                world,
+                tables,
+                orders[e],
+                episodes.lam[e],
+                episodes.mu[e],
+                commands[e],
+                scripted,
+                uncertain[e],
+                ticks,
+                admitted[e],
+                work,
             )

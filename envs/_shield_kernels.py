@@ -81,7 +81,7 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Array, rea
         for i in range(lam.shape[0]):
             if reach[i] > lam[i]:
                 lam[i], moved = reach[i], True
-    for i in range(lam.shape[0]):
+    for i in range(lam.shape[0]):  # noqa: SIM110 (numba has no all() of a generator)
         if lam[i] < length_of(world, i):
             return False
     return True
@@ -152,7 +152,7 @@ def stop_bound(tables: ShieldTables, i: int, lam: float, mu: float) -> float:
         return lam
     node, level = int(np.ceil(lam / tables.spacing[i, 0])), int(np.ceil(mu / tables.spacing[i, 1]))
     stop = tables.stop[i]
-    return max(lam, stop[min(node, stop.shape[0] - 1), min(level, stop.shape[1] - 1)])
+    return max(lam, float(stop[min(node, stop.shape[0] - 1), min(level, stop.shape[1] - 1)]))
 
 
 @njit
@@ -209,7 +209,7 @@ def _foresee(
 def _bend(places: Array, k: int, last: int) -> float:
     """The larger of the second differences at both ends of the tick before ``k``; ``last``: at rest from there on."""
     step = places[min(k, last)] - places[min(k - 1, last)]
-    bend = abs(places[min(k + 1, last)] - places[min(k, last)] - step)
+    bend = float(abs(places[min(k + 1, last)] - places[min(k, last)] - step))
     if k > 1:
         bend = max(bend, abs(step - (places[min(k - 1, last)] - places[min(k - 2, last)])))
     return bend
@@ -288,10 +288,10 @@ def _cut(
         commands[i], work.length[0, i] = middle / STEPS, UNKNOWN
         fits = True
         for r in range(orders.shape[0]):
-            if orders[r] < 2 and tables.region[r, orders[r], 0] == i:
-                if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-                    fits = False
-                    break
+            mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
+            if mine and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+                fits = False
+                break
         if fits:
             low = middle
         else:
@@ -312,11 +312,11 @@ def _other_orders(
     wrong, trial = work.orders[0], work.orders[1]
     for r in range(R):
         wrong[r] = 0
-        if orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]:
-            if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-                if scripted[tables.region[r, orders[r], 1]]:
-                    return False
-                wrong[r] = 1
+        free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
+        if free and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+            if scripted[tables.region[r, orders[r], 1]]:
+                return False
+            wrong[r] = 1
     for attempt in range(2):
         changed = attempt == 0
         for r in range(R):

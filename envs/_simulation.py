@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._bullet import pybullet
-from armtempo.envs._disturbance import ATTEMPTS, Disturbance, Range, as_noise, describe, draw, draws_of, stops_of, uncertain_arms
+from armtempo.envs._disturbance import (
+    ATTEMPTS,
+    Disturbance,
+    Range,
+    as_noise,
+    describe,
+    draw,
+    draws_of,
+    stops_of,
+    uncertain_arms,
+)
 from armtempo.envs._kernels import (
     control,
     move,
@@ -264,7 +274,8 @@ class Simulation:
     @property
     def uncertain(self) -> NDArray[np.bool_]:
         """(A,) arms that may do less than they are told in this episode."""
-        return uncertain_arms(self._episodes)[0]
+        uncertain: NDArray[np.bool_] = uncertain_arms(self._episodes)[0]
+        return uncertain
 
     def tracking_error(self) -> Array:
         """(A,) how far the tips are from their references now [m]."""
@@ -389,7 +400,8 @@ class Simulation:
                 self._world, self._episodes, 0, 1, self._active, self._noise, OTHERS, len(OWN), len(OTHER),
                 self._scratch, self._observation,
             )  # fmt: skip
-        return self._observation[0].copy()
+        observation: NDArray[np.float32] = self._observation[0].copy()
+        return observation
 
     def joint_positions(self) -> Array:
         """(A, n) joint positions now: measured, or on the path without physics [rad]."""

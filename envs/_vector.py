@@ -308,12 +308,13 @@ class CoordinationVectorEnv:
             raise InputError(f"learners is {learners!r}, the cells have {self.arms} arms", remedy="give their numbers")
         bounds = np.linspace(0, self.num_envs, len(self.cells) + 1).astype(int).tolist()
         self._spans = [slice(first, last) for first, last in pairwise(bounds)]
+        scripted = [i for i in range(self.arms) if i not in self.learners]
         self.simulations = tuple(
             BatchSimulation(
                 one, span.stop - span.start, mode=mode, reward=reward, disturbance=disturbance,
                 observation_noise=observation_noise, start_phase=start_phase, master_late_s=master_late_s,
                 max_episode_s=max_episode_s, shield=shield,
-                scripted=[i for i in range(self.arms) if i not in self.learners], threads=_threads(span.stop - span.start, threads),
+                scripted=scripted, threads=_threads(span.stop - span.start, threads),
             )
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip

@@ -35,7 +35,7 @@ class World(NamedTuple):
     torque_max: Array  # (A, n) true limits; plans may keep a reserve
     coulomb: Array  # (A, n) dry friction
     scale: Array  # (A, 2) minimum time [s], acceleration that counts as 1
-    region: Ints  # (A, A, 4) [i, j]: R rows along arm i's path, where ``last_occupied``, ``last_in_block``, ``waits`` begin
+    region: Ints  # (A, A, 4) [i, j]: rows along arm i's path, where last_occupied, last_in_block, waits begin
     clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
     nodes: int
     by_speed: bool
@@ -63,6 +63,7 @@ class Episodes(NamedTuple):
 
 def episodes_of(count: int, arms: int, stops: int) -> Episodes:
     """Episodes of so many arms that stand at their starts, undisturbed."""
+
     def each(value: float = 0.0) -> Array:
         return np.full((count, arms), value)
 

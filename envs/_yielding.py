@@ -42,8 +42,8 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     **Reward**: share of the path covered, minus time in units of the sequential time (on arrival charged to its exact
     instant), minus (2 + share not covered) on a collision. The terms are in ``info["reward_terms"]``.
 
-    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); the first is late by ``master_late_s``, if a range is given
-    drawn anew for every episode.
+    **Start**: all arms at rest at the start of their paths (or at ``start_phase``); the first is late by
+    ``master_late_s``, if a range is given drawn anew for every episode.
 
     **End**: *terminated* on arrival of the learning arm, and on a violation of ``d_min``; *truncated* at five times the
     sequential time. Arrival and violation as in ``CoordinationEnv``.
@@ -113,8 +113,11 @@ class YieldingEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._renderer: Renderer | None = None
         self._running = self._closed = False
         self._full_speed = np.ones(len(self.cell.arms))
-        named = others is None or isinstance(others, str)
-        self._others = next(iter(others_of(self.cell, others, mode, 1)), None) if named else others
+        self._others: Execution | None
+        if others is None or isinstance(others, str):
+            self._others = next(iter(others_of(self.cell, others, mode, 1)), None)
+        else:
+            self._others = others
         self._shield = self.make_shield(shield_tube_m) if shield else None
 
     @property

@@ -88,9 +88,7 @@ def places(
     for first in range(1, out.shape[0], checks):
         at = min((first - 1) // checks, last)
         if lam < rows.station[-1] and not (resting and at == last and mu <= 0.0):
-            lam, mu, _ = run(
-                edges.steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1]
-            )
+            lam, mu, _ = run(edges.steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1])
         else:
             scratch[0] = lam
         for m in range(min(checks, out.shape[0] - first)):

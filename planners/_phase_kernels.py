@@ -743,7 +743,8 @@ def run(
     """Move an arm for so many ticks under one command, as ``advance`` does for all of that time; but fast.
 
     ``steps``: of the edges; intervals that fit in as a whole are three numbers per row there. ``out`` and
-    ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick; asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
+    ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick; asking changes nothing. Returns lam, mu
+    and the time used (less than all only on arrival).
     """
     last, count = steps.shape[0] - 1, out.shape[0]
     lines = FIXED + 6 * ((steps.shape[1] - FIXED) // 11)

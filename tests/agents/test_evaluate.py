@@ -9,7 +9,7 @@ import pytest
 
 from armtempo.agents import POLICIES, Evaluation, evaluate
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell
+from armtempo.planners import METHODS, Cell, Mode
 
 KEYS = {
     "plan_makespan_s",
@@ -111,7 +111,7 @@ def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: str) -> None:
+def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: Mode) -> None:
     ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)
     for name, result in ideal.results.items():
         assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)

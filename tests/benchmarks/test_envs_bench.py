@@ -179,7 +179,7 @@ def _agent_steps_per_second(simulation: BatchSimulation, steps: int) -> float:
     began = time.perf_counter()
     for k in range(steps):
         simulation.step(commands[k % 16])
-        over = (simulation.terminated | simulation.truncated).all(axis=1)
+        over = np.asarray((simulation.terminated | simulation.truncated).all(axis=1), dtype=np.bool_)
         if over.any():
             simulation.reset(over)
     return steps * simulation.lam.size / (time.perf_counter() - began)

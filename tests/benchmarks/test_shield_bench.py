@@ -98,7 +98,7 @@ def test_bullet(name: str, capsys: pytest.CaptureFixture[str]) -> None:
                     level = rng.uniform(-1.0, 1.0) if kind != "bang-bang" else rng.choice([-1.0, 1.0])
                     asked[agent] = np.array([level], dtype=np.float32)
             steps += len(env.agents)
-            _, _, terminations, truncations, infos = env.step({agent: asked[agent] for agent in env.agents})
+            _, _, _, _, infos = env.step({agent: asked[agent] for agent in env.agents})
             exceeded += any(bool(info["shield_tube_exceeded"]) for info in infos.values())
             assert not env.simulation.violated
         smallest = min(smallest, env.simulation.min_clearance)

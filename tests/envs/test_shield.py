@@ -125,10 +125,8 @@ def test_a_few_steps_in_bullet() -> None:
 
 def test_a_plan_says_who_passes_first(mixed: Cell) -> None:
     """A learner behind arms that run through whatever it does has nowhere to go; behind a plan it has."""
-    try:
-        YieldingEnv(mixed, physics="ideal", shield=True, learner=mixed.arms[0].name)
-    except InfeasibleError as error:
-        assert "others='optimal'" in str(error)
+    with pytest.raises(InfeasibleError, match="others='optimal'"):
+        YieldingEnv(mixed, physics="ideal", shield=True, learner=mixed.arms[0].name, others="phase-plane")
     env = YieldingEnv(mixed, physics="ideal", shield=True, others="optimal")
     env.reset(seed=0)
     over = False
