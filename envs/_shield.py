@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armtempo.envs._shield_kernels import ShieldTables, ShieldWork, admit, feasible, first_orders, stop_table
+from armtempo.envs._shield_kernels import PARTS, ShieldTables, ShieldWork, admit, feasible, fill_braked, first_orders
 from armtempo.envs._simulation import Simulation
 from armtempo.envs._world import World
 from armtempo.errors import InfeasibleError, InputError
@@ -19,7 +19,7 @@ from armtempo.planners import Cell, Execution, PassingOrders, Precedence, VciExe
 Array = NDArray[np.float64]
 
 FEW = 4  # arms of which all priority orders are tried
-NODES, LEVELS = 65, 33  # of the table of stops: places, speeds
+PLACES = 64  # before which an arm that brakes is known to stop
 BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
 
 
@@ -49,20 +49,19 @@ def shield_tables(
         parts += [limit_b, limit_a]
         length += len(limit_a) + len(limit_b)
     arms = len(cell.arms)
-    fastest = [float(np.sqrt(plane.edges.high.max())) for plane in cell.planes]
-    lengths = [path.length for path in cell.paths]
-    spacing = np.array([[end / (NODES - 1), v / (LEVELS - 1)] for end, v in zip(lengths, fastest, strict=True)])
-    stop = np.zeros((arms, NODES, LEVELS))
-    for i in range(arms):
-        stop_table(world, i, cell.ticks_per_period, spacing[i], stop[i])
+    stations = max(len(plane.rows.station) for plane in cell.planes)
+    braked, before = np.zeros((arms, PLACES, stations)), np.zeros((arms, stations), dtype=np.int64)
+    for i, plane in enumerate(cell.planes):
+        count = len(plane.rows.station)
+        fill_braked(world, i, braked[i, :, :count], before[i, :count])
     return ShieldTables(
         buffer=np.concatenate(parts),
         region=np.array(region, dtype=np.int64).reshape(-1, 2, 5),
         cells=orders.resolutions.copy(),
         candidates=_candidates(cell, orders, tuple(scripted), plan),
         holdable=np.array(cell.holdable),
-        spacing=spacing,
-        stop=stop,
+        braked=braked,
+        before=before,
     )
 
 
@@ -107,10 +106,12 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
     return ShieldWork(
         places=np.zeros((2, arms, periods * ticks + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
-        after=np.zeros((2, arms, 3)),
+        speed=np.zeros((2, arms, periods + 1)),
+        fine=np.zeros((2, arms, PARTS * ticks + 1)),
+        period=np.full((2, arms), -1, dtype=np.int64),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
-        speeds=np.zeros(ticks),
+        speeds=np.zeros(PARTS * ticks),
     )
 
 

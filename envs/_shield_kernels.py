@@ -25,7 +25,8 @@ Orders = NDArray[np.int8]
 MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
 HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
-PARTS = 16  # of a tick, in which limits are asked
+PARTS = 16  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
+SURE = 0.98  # of the square of a speed: what braking in other pieces may change is far less
 UNKNOWN, STARTED = -2, -1  # how much of an arm is foreseen; else the ticks until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
@@ -39,8 +40,8 @@ class ShieldTables(NamedTuple):
     cells: Ints  # (A, A) resolution of the pair's chart
     candidates: Orders  # (C, R) orders to begin with, the preferred first
     holdable: Bools  # (A,) whether the arm can stand wherever it is
-    spacing: Array  # (A, 2) of the nodes of ``stop``: place, speed
-    stop: Array  # (A, N, M) where arm i stops if it brakes at a node, a little more
+    braked: Array  # (A, M, N) at every station: the largest square of a speed from which an arm stops before place m
+    before: Ints  # (A, N) per station: the last of these places that is not behind it, or -1
 
 
 class ShieldWork(NamedTuple):
@@ -48,10 +49,12 @@ class ShieldWork(NamedTuple):
 
     places: Array  # (2, A, K + 1) under the command for one period, then braking; braking from now on
     length: Ints  # (2, A) ticks until the arm is at rest, or UNKNOWN or STARTED
-    after: Array  # (2, A, 3) place and speed after that period, and a bound on where it stops
+    speed: Array  # (2, A, P + 1) at the begin of every period
+    fine: Array  # (2, A, 1 + PARTS * ticks of a period) places in one of its periods
+    period: Ints  # (2, A) which one; -1: none
     orders: Orders  # (2, R)
     lam: Array  # (2, A)
-    speeds: Array  # (ticks of a period,)
+    speeds: Array  # (PARTS * ticks of a period,)
 
 
 @njit
@@ -81,7 +84,7 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Array, rea
         for i in range(lam.shape[0]):
             if reach[i] > lam[i]:
                 lam[i], moved = reach[i], True
-    for i in range(lam.shape[0]):  # noqa: SIM110 (numba has no all() of a generator)
+    for i in range(lam.shape[0]):
         if lam[i] < length_of(world, i):
             return False
     return True
@@ -116,43 +119,49 @@ def first_orders(
 
 
 @njit
-def stop_table(world: World, i: int, ticks: int, spacing: Array, out: Array) -> None:
-    """Fill ``out`` (N, M) with where arm i stops if it brakes at a node, and what it covers in two ticks."""
-    rows, edges = rows_of(world, i), edges_of(world, i)
-    steps, end, scratch, speeds = steps_of(world, i), length_of(world, i), np.empty(ticks), np.empty(ticks)
-    for node in range(out.shape[0]):
-        for level in range(out.shape[1]):
-            place, speed = min(node * spacing[0], end), level * spacing[1]
-            edge = phase_kernels.edge_speed(rows, edges, place)
-            if level > 0 and (level - 1) * spacing[1] >= edge:
-                out[node, level] = out[node, level - 1]  # no arm is that fast there
-                continue
-            slack = 2.0 * speed * world.tick
-            speed = min(speed, edge)
-            for _ in range(100000):
-                before = place
-                place, speed, _ = phase_kernels.run(
-                    steps, place, speed, 0.0, world.by_speed, world.tick, ticks, scratch, speeds
-                )
-                if speed <= 0.0 or place >= end or place == before:
-                    break
-            out[node, level] = min(place + slack, end)
+def fill_braked(world: World, i: int, braked: Array, before: Ints) -> None:
+    """Fill arm i's ``braked`` (M, N) and ``before`` (N,), for M stations about equally far apart.
+
+    Backwards from rest at such a station, interval by interval: the largest ``x`` from which the hardest braking is not
+    faster at its end than it may be there. Braking motions do not cross, so whoever is slower stops earlier. (There is
+    no bound on where an arm stops that is smooth in its speed: a little faster, and at high speed the limits may pull
+    it on for half of its path.)
+    """
+    steps = steps_of(world, i)
+    count, last = braked.shape[0], steps.shape[0] - 1
+    braked[:], before[:] = 0.0, count - 1
+    for m in range(count - 1, -1, -1):
+        station = ((m + 1) * last) // count
+        before[:station] = m - 1
+        for k in range(station - 1, -1, -1):
+            most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
+            low, high = 0.0, steps[k, 5]
+            for _ in range(24):
+                x = 0.5 * (low + high)
+                begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
+                end, _ = phase_kernels.bounds_in(steps, k, 1.0, x, d2)
+                if x + d2 * max(begin, end) <= most:
+                    low = x
+                else:
+                    high = x
+            braked[m, k] = low if d2 > 0.0 else most
 
 
 @njit
-def stop_bound(tables: ShieldTables, i: int, lam: float, mu: float) -> float:
-    """A place behind which arm i certainly comes to rest if it brakes now: the next node of its table, both ways.
-
-    Braking motions do not cross, and a braking arm is not faster later: from a node farther on and a higher speed it
-    stops farther. Infinite for arms that cannot hold still everywhere, which may be pulled on.
-    """
-    if not tables.holdable[i]:
-        return np.inf
+def stops_before(world: World, tables: ShieldTables, i: int, lam: float, mu: float, limit: float) -> bool:
+    """Whether arm i certainly comes to rest before a limit if it brakes now; it may do so even if this says no."""
+    if lam > limit or not tables.holdable[i]:
+        return False
     if mu <= 0.0:
-        return lam
-    node, level = int(np.ceil(lam / tables.spacing[i, 0])), int(np.ceil(mu / tables.spacing[i, 1]))
-    stop = tables.stop[i]
-    return max(lam, float(stop[min(node, stop.shape[0] - 1), min(level, stop.shape[1] - 1)]))
+        return True
+    steps = steps_of(world, i)
+    m = tables.before[i, phase_kernels.find(steps, limit - mu * world.tick)]
+    if m < 0:
+        return False
+    k = phase_kernels.find(steps, lam)
+    x, after = tables.braked[i, m, k], tables.braked[i, m, k + 1]
+    x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
+    return mu * mu <= SURE * x  # type: ignore[no-any-return]
 
 
 @njit
@@ -162,13 +171,11 @@ def _start(
 ) -> None:  # fmt: skip
     """Foresee arm i for one period under a command."""
     out = work.places[row, i]
-    out[0] = lam
-    after, speed, _ = phase_kernels.run(
-        steps_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1], work.speeds
+    out[0], work.speed[row, i, 0] = lam, mu
+    _, work.speed[row, i, 1], _ = phase_kernels.run(
+        steps_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1], work.speeds[:ticks]
     )
-    work.after[row, i, 0], work.after[row, i, 1] = after, speed
-    work.after[row, i, 2] = stop_bound(tables, i, after, speed)
-    work.length[row, i] = STARTED
+    work.length[row, i], work.period[row, i] = STARTED, -1
 
 
 @njit
@@ -187,17 +194,18 @@ def _foresee(
     out, k = work.places[row, i], ticks
     last = out.shape[0] - 1
     steps, end = steps_of(world, i), length_of(world, i)
-    place, speed = work.after[row, i, 0], work.after[row, i, 1]
+    place, speed = out[ticks], work.speed[row, i, 1]
     while k + ticks < last:
         if place >= end or (speed <= 0.0 and tables.holdable[i]):
             break
         before = place
         place, speed, _ = phase_kernels.run(
-            steps, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks], work.speeds
+            steps, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks], work.speeds[:ticks]
         )
         if place == before:
             break
         k += ticks
+        work.speed[row, i, k // ticks] = speed
     else:
         out[k + 1 :] = end
         k += 1
@@ -206,36 +214,46 @@ def _foresee(
 
 
 @njit
-def _bend(places: Array, k: int, last: int) -> float:
-    """The larger of the second differences at both ends of the tick before ``k``; ``last``: at rest from there on."""
-    step = places[min(k, last)] - places[min(k - 1, last)]
-    bend = float(abs(places[min(k + 1, last)] - places[min(k, last)] - step))
-    if k > 1:
-        bend = max(bend, abs(step - (places[min(k - 1, last)] - places[min(k - 2, last)])))
-    return bend
+def _refine(world: World, row: int, i: int, commands: Array, period: int, ticks: int, work: ShieldWork) -> Array:
+    """(1 + PARTS * ticks,) places of a foreseen arm in one period: the same motion, asked for more often."""
+    fine = work.fine[row, i]
+    if work.period[row, i] != period:
+        work.period[row, i] = period
+        fine[0] = work.places[row, i, period * ticks]
+        phase_kernels.run(
+            steps_of(world, i), fine[0], work.speed[row, i, period],
+            commands[i] if row == 0 and period == 0 else 0.0, world.by_speed, world.tick / PARTS, PARTS * ticks,
+            fine[1:], work.speeds,
+        )  # fmt: skip
+    return fine
 
 
 @njit
 def _behind(
-    tables: ShieldTables, r: int, order: int, length: float, margin: float, far: Array, far_last: int, near: Array,
-    near_last: int, k: int,
+    world: World, tables: ShieldTables, r: int, order: int, row: int, near_last: int, k: int, commands: Array,
+    ticks: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
-    """Whether the second arm stays behind its limit during the tick before place ``k``.
+    """Whether the second arm stays behind its limit during the tick before place ``k``; the first as in ``row``.
 
-    Limits never fall, so in every part of the tick it is enough that the one is behind at its end the limit from where
-    the other is at its begin. Inside a tick places differ from the chord by an eighth of the second difference if the
-    acceleration is constant; four times that is allowed for.
+    Limits never fall and arms never go back: in every part of the tick it is enough that the one is, at its end, behind
+    the limit from where the other is at its begin.
     """
+    i, j = tables.region[r, order, 0], tables.region[r, order, 1]
+    length, margin = length_of(world, j), MARGIN * length_of(world, i)
+    near, far = work.places[row, j], work.places[0, i, k]
     begin, end = near[min(k - 1, near_last)], near[min(k, near_last)]
-    if far[k] <= limit_at(tables, r, order, begin, length) - margin:
+    if far <= limit_at(tables, r, order, begin, length) - margin:
         return True
-    if far[k] > limit_at(tables, r, order, end, length) - margin:
+    if begin == end or far > limit_at(tables, r, order, end, length) - margin:
         return False
-    far_bend, near_bend = 0.5 * _bend(far, k, far_last), 0.5 * _bend(near, k, near_last)
-    for part in range(PARTS):
-        low = max(begin + part / PARTS * (end - begin) - near_bend, begin)
-        high = min(far[k - 1] + (part + 1) / PARTS * (far[k] - far[k - 1]) + far_bend, far[k])
-        if high > limit_at(tables, r, order, low, length) - margin:
+    period = (k - 1) // ticks
+    if period + 2 >= work.speed.shape[2]:  # not foreseen
+        return False
+    ahead = _refine(world, row, j, commands, period, ticks, work)
+    behind = _refine(world, 0, i, commands, period, ticks, work)
+    first = PARTS * (k - 1 - period * ticks)
+    for part in range(first, first + PARTS):
+        if behind[part + 1] > limit_at(tables, r, order, ahead[part], length) - margin:
             return False
     return True
 
@@ -254,7 +272,7 @@ def _fits(
     margin = MARGIN * length_of(world, i)
     if work.length[0, i] == UNKNOWN:
         _start(world, tables, 0, i, lam[i], mu[i], commands[i], ticks, work)
-    if work.after[0, i, 2] <= limit - margin:
+    if stops_before(world, tables, i, work.places[0, i, ticks], work.speed[0, i, 1], limit - margin):
         return True
     last, far = _foresee(world, tables, 0, i, lam, mu, commands, ticks, work), work.places[0, i]
     if far[last] <= limit - margin:
@@ -264,7 +282,7 @@ def _fits(
     stop = min(stop, work.places.shape[2] - ticks - 1)  # what is not foreseen of an arm ahead does not count
     for k in range(1, last + 1):
         if far[k] > limit - margin:
-            if not _behind(tables, r, order, length, margin, far, last, near, stop, k):
+            if not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
                 if strict:
                     return False
                 own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, work)
@@ -288,10 +306,10 @@ def _cut(
         commands[i], work.length[0, i] = middle / STEPS, UNKNOWN
         fits = True
         for r in range(orders.shape[0]):
-            mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
-            if mine and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-                fits = False
-                break
+            if orders[r] < 2 and tables.region[r, orders[r], 0] == i:
+                if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+                    fits = False
+                    break
         if fits:
             low = middle
         else:
@@ -312,11 +330,11 @@ def _other_orders(
     wrong, trial = work.orders[0], work.orders[1]
     for r in range(R):
         wrong[r] = 0
-        free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
-        if free and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-            if scripted[tables.region[r, orders[r], 1]]:
-                return False
-            wrong[r] = 1
+        if orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]:
+            if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+                if scripted[tables.region[r, orders[r], 1]]:
+                    return False
+                wrong[r] = 1
     for attempt in range(2):
         changed = attempt == 0
         for r in range(R):
