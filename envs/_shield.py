@@ -106,6 +106,7 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
     return ShieldWork(
         places=np.zeros((2, arms, periods * ticks + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
+        rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
         fine=np.zeros((2, arms, PARTS * ticks + 1)),
         period=np.full((2, arms), -1, dtype=np.int64),
