@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._world import World, edges_of, length_of, rows_of, steps_of
+from armtempo.envs._world import World, length_of, steps_of
 from armtempo.planners import phase_kernels
 from armtempo.robots import inlined, njit
 
@@ -168,8 +168,8 @@ def stops_before(world: World, tables: ShieldTables, i: int, lam: float, mu: flo
 
 @njit
 def _foresee(
-    world: World, tables: ShieldTables, row: int, i: int, lam: Array, mu: Array, commands: Array, ticks: int, until: int,
-    work: ShieldWork,
+    world: World, tables: ShieldTables, row: int, i: int, lam: Array, mu: Array, commands: Array, ticks: int,
+    until: int, work: ShieldWork,
 ) -> int:  # fmt: skip
     """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking, for ``until`` ticks.
 
@@ -273,7 +273,8 @@ def _fits(
     near, most = work.places[row, j], work.places.shape[2] - ticks - 1
     while True:
         last = _foresee(world, tables, 0, i, lam, mu, commands, ticks, k + ticks, work)
-        if last > k and stops_before(world, tables, i, far[k + ticks], work.speed[0, i, k // ticks + 1], limit - margin):
+        speed = work.speed[0, i, k // ticks + 1]
+        if last > k and stops_before(world, tables, i, far[k + ticks], speed, limit - margin):
             return True
         # What is not foreseen of an arm ahead does not count.
         stop = min(_foresee(world, tables, row, j, lam, mu, commands, ticks, k + ticks, work), most)
@@ -283,13 +284,12 @@ def _fits(
             k += 1
             if k > last:
                 return True
-            if far[k] > limit - margin:
-                if not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
-                    if strict:
-                        return False
-                    own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, k, work)
-                    if far[k] > work.places[1, i, min(k, own)]:
-                        return False
+            if far[k] > limit - margin and not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
+                if strict:
+                    return False
+                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, k, work)
+                if far[k] > work.places[1, i, min(k, own)]:
+                    return False
             limit = limit_at(tables, r, order, near[min(k, stop)], length)
             if limit == np.inf:
                 return True
