@@ -131,21 +131,24 @@ def fill_braked(world: World, i: int, braked: Array, before: Ints) -> None:
     """
     steps = steps_of(world, i)
     count, last = braked.shape[0], steps.shape[0] - 1
-    braked[:], before[:] = 0.0, count - 1
-    for m in range(count - 1, -1, -1):
+    braked[:], before[:] = 0.0, -1
+    for m in range(count):
         station = ((m + 1) * last) // count
-        before[:station] = m - 1
+        before[station:] = m
         for k in range(station - 1, -1, -1):
+            low, high = braked[max(m - 1, 0), k], steps[k, 5]
             most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
-            low, high = 0.0, steps[k, 5]
-            for _ in range(24):
-                x = 0.5 * (low + high)
+            x = high
+            for _ in range(25 if low < high else 0):  # from the edge itself first: mostly that is it
                 begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
                 end, _ = phase_kernels.bounds_in(steps, k, 1.0, x, d2)
                 if x + d2 * max(begin, end) <= most:
                     low = x
                 else:
                     high = x
+                if low == high:
+                    break
+                x = 0.5 * (low + high)
             braked[m, k] = low if d2 > 0.0 else most
 
 
