@@ -106,6 +106,7 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
     return ShieldWork(
         places=np.zeros((2, arms, periods * ticks + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
+        rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
         fine=np.zeros((2, arms, PARTS * ticks + 1)),
         period=np.full((2, arms), -1, dtype=np.int64),
@@ -227,12 +228,16 @@ class EpisodeShield:
         self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
         # Plans keep the reserve between two arms: half of it is for each.
         self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
-        self.reset()
+        self.shield.reset(np.zeros(simulation.arms))  # not from where it is: what is drawn there may be drawn again
+        self._clear()
 
     def reset(self) -> None:
         """Begin an episode where the simulation is; raises as ``Shield.reset``."""
-        arms = self._simulation.arms
         self.shield.reset(self._simulation.lam, self._simulation.uncertain)
+        self._clear()
+
+    def _clear(self) -> None:
+        arms = self._simulation.arms
         self._change, self._sum, self._count = np.zeros(arms), np.zeros(arms), np.zeros(arms, dtype=np.int64)
         self._steps = 0
 

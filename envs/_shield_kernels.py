@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._world import World, edges_of, length_of, rows_of, steps_of
+from armtempo.envs._world import World, length_of, steps_of
 from armtempo.planners import phase_kernels
-from armtempo.robots import njit
+from armtempo.robots import inlined, njit
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,7 +27,7 @@ HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the ear
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
 PARTS = 16  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
 SURE = 0.98  # of the square of a speed: what braking in other pieces may change is far less
-UNKNOWN, STARTED = -2, -1  # how much of an arm is foreseen; else the ticks until rest
+ALL = 1 << 40  # ticks: as many as there are until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
 
@@ -48,7 +48,8 @@ class ShieldWork(NamedTuple):
     """Scratch of one thread; K + 1 places: now, and at the end of every tick."""
 
     places: Array  # (2, A, K + 1) under the command for one period, then braking; braking from now on
-    length: Ints  # (2, A) ticks until the arm is at rest, or UNKNOWN or STARTED
+    length: Ints  # (2, A) ticks that are foreseen; 0: not begun
+    rest: Bools  # (2, A) whether the arm is at rest from there on
     speed: Array  # (2, A, P + 1) at the begin of every period
     fine: Array  # (2, A, 1 + PARTS * ticks of a period) places in one of its periods
     period: Ints  # (2, A) which one; -1: none
@@ -57,15 +58,16 @@ class ShieldWork(NamedTuple):
     speeds: Array  # (PARTS * ticks of a period,)
 
 
-@njit
+@inlined
 def limit_at(tables: ShieldTables, r: int, order: int, place: float, length: float) -> float:
     """How far the second arm of a region may go while the first is at ``place`` of its path of ``length``."""
-    region = tables.region[r, order]
-    cells = tables.cells[region[0], region[1]]
-    cell = min(max(int(place * (cells / length) - HERE), 0), cells - 1) - region[2]
-    if cell >= region[3]:
-        return np.inf
-    return tables.buffer[region[4] + max(cell, 0)]  # type: ignore[no-any-return]
+    region, buffer = tables.region, tables.buffer
+    cells = tables.cells[region[r, order, 0], region[r, order, 1]]
+    cell = min(max(int(place * (cells / length) - HERE), 0), cells - 1) - region[r, order, 2]
+    limit = np.inf
+    if cell < region[r, order, 3]:
+        limit = buffer[region[r, order, 4] + max(cell, 0)]
+    return limit
 
 
 @njit
@@ -129,21 +131,24 @@ def fill_braked(world: World, i: int, braked: Array, before: Ints) -> None:
     """
     steps = steps_of(world, i)
     count, last = braked.shape[0], steps.shape[0] - 1
-    braked[:], before[:] = 0.0, count - 1
-    for m in range(count - 1, -1, -1):
+    braked[:], before[:] = 0.0, -1
+    for m in range(count):
         station = ((m + 1) * last) // count
-        before[:station] = m - 1
+        before[station:] = m
         for k in range(station - 1, -1, -1):
+            low, high = braked[max(m - 1, 0), k], steps[k, 5]
             most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
-            low, high = 0.0, steps[k, 5]
-            for _ in range(24):
-                x = 0.5 * (low + high)
+            x = high
+            for _ in range(25 if low < high else 0):  # from the edge itself first: mostly that is it
                 begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
                 end, _ = phase_kernels.bounds_in(steps, k, 1.0, x, d2)
                 if x + d2 * max(begin, end) <= most:
                     low = x
                 else:
                     high = x
+                if low == high:
+                    break
+                x = 0.5 * (low + high)
             braked[m, k] = low if d2 > 0.0 else most
 
 
@@ -165,50 +170,47 @@ def stops_before(world: World, tables: ShieldTables, i: int, lam: float, mu: flo
 
 
 @njit
-def _start(
-    world: World, tables: ShieldTables, row: int, i: int, lam: float, mu: float, command: float, ticks: int,
-    work: ShieldWork,
-) -> None:  # fmt: skip
-    """Foresee arm i for one period under a command."""
-    out = work.places[row, i]
-    out[0], work.speed[row, i, 0] = lam, mu
-    _, work.speed[row, i, 1], _ = phase_kernels.run(
-        steps_of(world, i), lam, mu, command, world.by_speed, world.tick, ticks, out[1 : ticks + 1], work.speeds[:ticks]
-    )
-    work.length[row, i], work.period[row, i] = STARTED, -1
-
-
-@njit
 def _foresee(
     world: World, tables: ShieldTables, row: int, i: int, lam: Array, mu: Array, commands: Array, ticks: int,
-    work: ShieldWork,
+    until: int, work: ShieldWork,
 ) -> int:  # fmt: skip
-    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking; ticks until rest.
+    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking, for ``until`` ticks.
 
-    An arm that does not come to rest in time counts as going on to the end of its path.
+    Returns the last tick foreseen; earlier than ``until``, the arm is at rest from there on. An arm that does not come
+    to rest in time counts as going on to the end of its path.
     """
-    if work.length[row, i] >= 0:
-        return work.length[row, i]  # type: ignore[no-any-return]
-    if work.length[row, i] == UNKNOWN:
-        _start(world, tables, row, i, lam[i], mu[i], commands[i] if row == 0 else 0.0, ticks, work)
-    out, k = work.places[row, i], ticks
-    last = out.shape[0] - 1
-    steps, end = steps_of(world, i), length_of(world, i)
-    place, speed = out[ticks], work.speed[row, i, 1]
-    while k + ticks < last:
+    k = work.length[row, i]
+    if k >= until or (k > 0 and work.rest[row, i]):
+        return k  # type: ignore[no-any-return]
+    out = work.places[row, i]
+    steps, end, last = steps_of(world, i), length_of(world, i), out.shape[0] - 1
+    if k == 0:
+        out[0], work.speed[row, i, 0] = lam[i], mu[i]
+        _, work.speed[row, i, 1], _ = phase_kernels.run(
+            steps, lam[i], mu[i], commands[i] if row == 0 else 0.0, world.by_speed, world.tick, ticks,
+            out[1 : ticks + 1], work.speeds[:ticks],
+        )  # fmt: skip
+        work.rest[row, i], work.period[row, i] = False, -1
+        k = ticks
+    place, speed = out[k], work.speed[row, i, k // ticks]
+    while k < until:
         if place >= end or (speed <= 0.0 and tables.holdable[i]):
+            work.rest[row, i] = True
+            break
+        if k + ticks >= last:
+            out[k + 1 :] = end
+            k += 1
+            work.rest[row, i] = True
             break
         before = place
         place, speed, _ = phase_kernels.run(
             steps, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks], work.speeds[:ticks]
         )
         if place == before:
+            work.rest[row, i] = True
             break
         k += ticks
         work.speed[row, i, k // ticks] = speed
-    else:
-        out[k + 1 :] = end
-        k += 1
     work.length[row, i] = k
     return k
 
@@ -270,28 +272,30 @@ def _fits(
     if limit == np.inf:
         return True
     margin = MARGIN * length_of(world, i)
-    if work.length[0, i] == UNKNOWN:
-        _start(world, tables, 0, i, lam[i], mu[i], commands[i], ticks, work)
-    if stops_before(world, tables, i, work.places[0, i, ticks], work.speed[0, i, 1], limit - margin):
-        return True
-    last, far = _foresee(world, tables, 0, i, lam, mu, commands, ticks, work), work.places[0, i]
-    if far[last] <= limit - margin:
-        return True
-    row = 1 if unsure[j] else 0
-    stop, near = _foresee(world, tables, row, j, lam, mu, commands, ticks, work), work.places[row, j]
-    stop = min(stop, work.places.shape[2] - ticks - 1)  # what is not foreseen of an arm ahead does not count
-    for k in range(1, last + 1):
-        if far[k] > limit - margin:
-            if not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
+    far, row, k = work.places[0, i], (1 if unsure[j] else 0), 0
+    near, most = work.places[row, j], work.places.shape[2] - ticks - 1
+    while True:
+        last = _foresee(world, tables, 0, i, lam, mu, commands, ticks, k + ticks, work)
+        speed = work.speed[0, i, k // ticks + 1]
+        if last > k and stops_before(world, tables, i, far[k + ticks], speed, limit - margin):
+            return True
+        # What is not foreseen of an arm ahead does not count.
+        stop = min(_foresee(world, tables, row, j, lam, mu, commands, ticks, k + ticks, work), most)
+        if row == 1 and mu[j] <= 0.0:  # it may be late; an arm that cannot hold still would be foreseen to go
+            stop = 0
+        for _ in range(ticks):
+            k += 1
+            if k > last:
+                return True
+            if far[k] > limit - margin and not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
                 if strict:
                     return False
-                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, work)
+                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, k, work)
                 if far[k] > work.places[1, i, min(k, own)]:
                     return False
             limit = limit_at(tables, r, order, near[min(k, stop)], length)
             if limit == np.inf:
                 return True
-    return True
 
 
 @njit
@@ -303,7 +307,7 @@ def _cut(
     low, high = 0, int(np.ceil(commands[i] * STEPS))
     while high - low > 1:
         middle = (low + high) // 2
-        commands[i], work.length[0, i] = middle / STEPS, UNKNOWN
+        commands[i], work.length[0, i] = middle / STEPS, 0
         fits = True
         for r in range(orders.shape[0]):
             if orders[r] < 2 and tables.region[r, orders[r], 0] == i:
@@ -314,7 +318,7 @@ def _cut(
             low = middle
         else:
             high = middle
-    commands[i], work.length[0, i] = low / STEPS, UNKNOWN
+    commands[i], work.length[0, i] = low / STEPS, 0
 
 
 @njit
@@ -366,8 +370,9 @@ def _other_orders(
             continue
         for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
             row = 1 if unsure[i] else 0
-            stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, work)
-            work.lam[0, i] = work.places[row, i, min(stop, work.places.shape[2] - ticks - 1)]
+            stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, ALL, work)
+            stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - ticks - 1)
+            work.lam[0, i] = work.places[row, i, stop]
         if feasible(world, tables, trial, work.lam[0], work.lam[1]):
             orders[:] = trial
             return True
@@ -408,7 +413,7 @@ def admit(
     it is what was checked the last time.
     """
     admitted[:] = commands
-    work.length[:] = UNKNOWN
+    work.length[:] = 0
     unsure = scripted | uncertain
     fits, tried, changed = False, False, False
     sweep = 0
@@ -427,7 +432,7 @@ def admit(
                 if sweep < SWEEPS:
                     _cut(world, tables, orders, i, lam, mu, admitted, unsure, ticks, work)
                 else:
-                    admitted[i], work.length[0, i] = 0.0, UNKNOWN
+                    admitted[i], work.length[0, i] = 0.0, 0
                 changed = True
         sweep += 1
     return changed
