@@ -35,8 +35,8 @@ def with_friction(cell: Cell, damping: float, coulomb: float) -> Cell:
     return dataclasses.replace(cell, arms=tuple(arms))
 
 
-def run(cell: Cell, **errors: float) -> EpisodeTrace:
-    simulation = Simulation(cell, physics="bullet", record=True, **errors)
+def run(cell: Cell, *, model_error: float = 0.0, friction_error: float = 0.0) -> EpisodeTrace:
+    simulation = Simulation(cell, physics="bullet", record=True, model_error=model_error, friction_error=friction_error)
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past
     try:
         while not np.isfinite(simulation.arrival).all() and simulation.time < 2.0:
