@@ -38,7 +38,7 @@ def same_as_one_at_a_time(cell: Cell, episodes: int) -> int:
         env.seed(11)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
     ended = 0
-    for one, other in zip(steps(ours, 150), steps(theirs, 150), strict=True):
+    for one, other in zip(steps(ours, 300), steps(theirs, 300), strict=True):
         np.testing.assert_array_equal(one[2], other[2])
         np.testing.assert_allclose(one[1], other[1], atol=1e-6)
         waiting = ~np.asarray(other[0]).any(axis=1)  # arms that have arrived: the batch goes on to see for them
