@@ -156,6 +156,12 @@ def stop_bound(tables: ShieldTables, i: int, lam: float, mu: float) -> float:
 
 
 @njit
+def _row(braking: bool) -> int:
+    """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
+    return 1 if braking else 0
+
+
+@njit
 def _start(
     world: World, tables: ShieldTables, row: int, i: int, lam: float, mu: float, command: float, ticks: int,
     work: ShieldWork,
@@ -242,10 +248,10 @@ def _behind(
 
 @njit
 def _fits(
-    world: World, tables: ShieldTables, r: int, order: int, lam: Array, mu: Array, commands: Array, unsure: Bools,
-    ticks: int, strict: bool, work: ShieldWork,
+    world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Array, mu: Array, commands: Array,
+    unsure: Bools, ticks: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
-    """Whether the second arm of a region stays behind its limit; not ``strict``: or is just braking."""
+    """Whether the second arm of a region stays behind its limit or, where ``order`` is in force already, is braking."""
     i, j = tables.region[r, order, 0], tables.region[r, order, 1]
     length = length_of(world, j)
     limit = limit_at(tables, r, order, lam[j], length)
@@ -253,21 +259,21 @@ def _fits(
         return True
     margin = MARGIN * length_of(world, i)
     if work.length[0, i] == UNKNOWN:
-        _start(world, tables, 0, i, lam[i], mu[i], commands[i], ticks, work)
+        _start(world, tables, _row(False), i, lam[i], mu[i], commands[i], ticks, work)
     if work.after[0, i, 2] <= limit - margin:
         return True
-    last, far = _foresee(world, tables, 0, i, lam, mu, commands, ticks, work), work.places[0, i]
+    last, far = _foresee(world, tables, _row(False), i, lam, mu, commands, ticks, work), work.places[0, i]
     if far[last] <= limit - margin:
         return True
-    row = 1 if unsure[j] else 0
+    row = _row(unsure[j])
     stop, near = _foresee(world, tables, row, j, lam, mu, commands, ticks, work), work.places[row, j]
     stop = min(stop, work.places.shape[2] - ticks - 1)  # what is not foreseen of an arm ahead does not count
     for k in range(1, last + 1):
         if far[k] > limit - margin:
             if not _behind(tables, r, order, length, margin, far, last, near, stop, k):
-                if strict:
+                if order != orders[r]:
                     return False
-                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, work)
+                own = _foresee(world, tables, _row(True), i, lam, mu, commands, ticks, work)
                 if far[k] > work.places[1, i, min(k, own)]:
                     return False
             limit = limit_at(tables, r, order, near[min(k, stop)], length)
@@ -289,7 +295,7 @@ def _cut(
         fits = True
         for r in range(orders.shape[0]):
             mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
-            if mine and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
                 fits = False
                 break
         if fits:
@@ -313,7 +319,7 @@ def _other_orders(
     for r in range(R):
         wrong[r] = 0
         free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
-        if free and not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
+        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
             if scripted[tables.region[r, orders[r], 1]]:
                 return False
             wrong[r] = 1
@@ -339,15 +345,14 @@ def _other_orders(
             return False
         fits = True
         for r in range(R):
-            if trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]:
-                strict = trial[r] != orders[r]
-                if not _fits(world, tables, r, trial[r], lam, mu, commands, unsure, ticks, strict, work):
-                    fits = False
-                    break
+            free = trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]
+            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, ticks, work):
+                fits = False
+                break
         if not fits:
             continue
         for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
-            row = 1 if unsure[i] else 0
+            row = _row(unsure[i])
             stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, work)
             work.lam[0, i] = work.places[row, i, min(stop, work.places.shape[2] - ticks - 1)]
         if feasible(world, tables, trial, work.lam[0], work.lam[1]):
@@ -399,7 +404,7 @@ def admit(
         for r in range(orders.shape[0]):
             if orders[r] == 2 or scripted[tables.region[r, orders[r], 0]]:
                 continue
-            if not _fits(world, tables, r, orders[r], lam, mu, admitted, unsure, ticks, False, work):
+            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, ticks, work):
                 fits = False
                 if not tried:
                     tried = True
