@@ -100,9 +100,9 @@ def move(
                 places[k], speeds[k] = lam, mu
                 k += 1
             if k < ticks and (now + k) * tick < late:  # it goes in the middle of this tick
-                part = (now + k) * tick + tick - late
+                part, one = (now + k) * tick + tick - late, min(ticks, 1)  # 1 as it is would compile a second run
                 lam, mu, used = phase_kernels.run(
-                    steps, lam, mu, command, world.by_speed, part, 1, places[k : k + 1], speeds[k : k + 1]
+                    steps, lam, mu, command, world.by_speed, part, one, places[k : k + 1], speeds[k : k + 1]
                 )
                 if lam >= end:
                     episodes.arrival[e, i] = late + used

@@ -86,7 +86,7 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Array, rea
         for i in range(lam.shape[0]):
             if reach[i] > lam[i]:
                 lam[i], moved = reach[i], True
-    for i in range(lam.shape[0]):
+    for i in range(lam.shape[0]):  # noqa: SIM110 (compiled)
         if lam[i] < length_of(world, i):
             return False
     return True
@@ -167,6 +167,12 @@ def stops_before(world: World, tables: ShieldTables, i: int, lam: float, mu: flo
     x, after = tables.braked[i, m, k], tables.braked[i, m, k + 1]
     x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
     return mu * mu <= SURE * x  # type: ignore[no-any-return]
+
+
+@njit
+def _row(braking: bool) -> int:
+    """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
+    return 1 if braking else 0
 
 
 @njit
@@ -252,7 +258,7 @@ def _behind(
     if period + 2 >= work.speed.shape[2]:  # not foreseen
         return False
     ahead = _refine(world, row, j, commands, period, ticks, work)
-    behind = _refine(world, 0, i, commands, period, ticks, work)
+    behind = _refine(world, _row(False), i, commands, period, ticks, work)
     first = PARTS * (k - 1 - period * ticks)
     for part in range(first, first + PARTS):
         if behind[part + 1] > limit_at(tables, r, order, ahead[part], length) - margin:
@@ -262,20 +268,20 @@ def _behind(
 
 @njit
 def _fits(
-    world: World, tables: ShieldTables, r: int, order: int, lam: Array, mu: Array, commands: Array, unsure: Bools,
-    ticks: int, strict: bool, work: ShieldWork,
+    world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Array, mu: Array, commands: Array,
+    unsure: Bools, ticks: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
-    """Whether the second arm of a region stays behind its limit; not ``strict``: or is just braking."""
+    """Whether the second arm of a region stays behind its limit; under the order in force: or is just braking."""
     i, j = tables.region[r, order, 0], tables.region[r, order, 1]
     length = length_of(world, j)
     limit = limit_at(tables, r, order, lam[j], length)
     if limit == np.inf:
         return True
     margin = MARGIN * length_of(world, i)
-    far, row, k = work.places[0, i], (1 if unsure[j] else 0), 0
+    far, row, k = work.places[0, i], _row(unsure[j]), 0
     near, most = work.places[row, j], work.places.shape[2] - ticks - 1
     while True:
-        last = _foresee(world, tables, 0, i, lam, mu, commands, ticks, k + ticks, work)
+        last = _foresee(world, tables, _row(False), i, lam, mu, commands, ticks, k + ticks, work)
         speed = work.speed[0, i, k // ticks + 1]
         if last > k and stops_before(world, tables, i, far[k + ticks], speed, limit - margin):
             return True
@@ -288,9 +294,9 @@ def _fits(
             if k > last:
                 return True
             if far[k] > limit - margin and not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
-                if strict:
+                if order != orders[r]:
                     return False
-                own = _foresee(world, tables, 1, i, lam, mu, commands, ticks, k, work)
+                own = _foresee(world, tables, _row(True), i, lam, mu, commands, ticks, k, work)
                 if far[k] > work.places[1, i, min(k, own)]:
                     return False
             limit = limit_at(tables, r, order, near[min(k, stop)], length)
@@ -310,10 +316,10 @@ def _cut(
         commands[i], work.length[0, i] = middle / STEPS, 0
         fits = True
         for r in range(orders.shape[0]):
-            if orders[r] < 2 and tables.region[r, orders[r], 0] == i:
-                if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-                    fits = False
-                    break
+            mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
+            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
+                fits = False
+                break
         if fits:
             low = middle
         else:
@@ -334,11 +340,11 @@ def _other_orders(
     wrong, trial = work.orders[0], work.orders[1]
     for r in range(R):
         wrong[r] = 0
-        if orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]:
-            if not _fits(world, tables, r, orders[r], lam, mu, commands, unsure, ticks, False, work):
-                if scripted[tables.region[r, orders[r], 1]]:
-                    return False
-                wrong[r] = 1
+        free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
+        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
+            if scripted[tables.region[r, orders[r], 1]]:
+                return False
+            wrong[r] = 1
     for attempt in range(2):
         changed = attempt == 0
         for r in range(R):
@@ -361,15 +367,14 @@ def _other_orders(
             return False
         fits = True
         for r in range(R):
-            if trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]:
-                strict = trial[r] != orders[r]
-                if not _fits(world, tables, r, trial[r], lam, mu, commands, unsure, ticks, strict, work):
-                    fits = False
-                    break
+            free = trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]
+            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, ticks, work):
+                fits = False
+                break
         if not fits:
             continue
         for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
-            row = 1 if unsure[i] else 0
+            row = _row(unsure[i])
             stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, ALL, work)
             stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - ticks - 1)
             work.lam[0, i] = work.places[row, i, stop]
@@ -422,7 +427,7 @@ def admit(
         for r in range(orders.shape[0]):
             if orders[r] == 2 or scripted[tables.region[r, orders[r], 0]]:
                 continue
-            if not _fits(world, tables, r, orders[r], lam, mu, admitted, unsure, ticks, False, work):
+            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, ticks, work):
                 fits = False
                 if not tried:
                     tried = True

@@ -265,3 +265,13 @@ def test_input_errors(lee1991: Cell) -> None:
     executed = YieldingVectorEnv(2, lee1991, others="delay")
     with pytest.raises(InputError, match="cannot be saved"):
         executed.get_state()
+
+
+def test_bullet_is_refused_in_one_line_that_names_the_way_out() -> None:
+    with pytest.raises(InputError, match='"ideal"') as refused:
+        gymnasium.make_vec("armtempo/Yielding-v0", num_envs=2, physics="bullet")
+    assert "\n" not in str(refused.value)
+    assert 'vectorization_mode="sync"' in str(refused.value)
+    several = gymnasium.make_vec("armtempo/Yielding-v0", num_envs=2, vectorization_mode="sync", physics="bullet")
+    several.reset(seed=0)
+    several.close()
