@@ -33,7 +33,7 @@ from armtempo.agents._evaluate_blend import (
 from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
 from armtempo.agents._extra import TRAINING, load_training
 from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
-from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy
+from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy, learned_policy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
 from armtempo.agents._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
 from armtempo.agents._sweep import Objective, SweepTrial, sweep
@@ -95,6 +95,7 @@ __all__ = [
     "LearnedOneArmPolicy",
     "LearnedPolicy",
     "find_agent",
+    "learned_policy",
     "load_agent",
     "save_agent",
     "shipped_agents",

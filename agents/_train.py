@@ -22,7 +22,7 @@ from armtempo.agents._export import agent_of
 from armtempo.agents._train_envs import Workplace, training_env, workplace
 from armtempo.agents._train_evaluation import COLUMNS, TrainEvaluation
 from armtempo.agents._train_model import training_model
-from armtempo.configs import CoordinationTraining, TrainConfig, load_train_config
+from armtempo.configs import CoordinationTraining, TrainConfig, bundled_trainings, load_train_config
 from armtempo.errors import InputError
 from armtempo.files import whole_file
 
@@ -112,7 +112,7 @@ def _said(config: TrainConfig) -> str:
 
 def _header(place: Workplace, steps: int, curve: list[Row]) -> AgentHeader:
     config, chosen = place.config, place.config.environment
-    line = ["armtempo", "train", config.source.name or config.name, "--seed", str(config.seed)]
+    line = ["armtempo", "train", _called(config), "--seed", str(config.seed)]
     return AgentHeader(
         name=config.name,
         algorithm=config.algorithm,
@@ -129,6 +129,13 @@ def _header(place: Workplace, steps: int, curve: list[Row]) -> AgentHeader:
         curve=[dict(row) for row in curve],
         armtempo=__version__,
     )
+
+
+def _called(config: TrainConfig) -> str:
+    """What to type after ``armtempo train``: a bundled training's name, or the file's."""
+    stem = config.source.stem
+    bundled = stem in bundled_trainings() and load_train_config(stem).text == config.text
+    return stem if bundled else config.source.name or config.name
 
 
 @final

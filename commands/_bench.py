@@ -257,7 +257,7 @@ def bench_arms(
 
 
 def bench() -> None:
-    """Benchmarks: coordination (all methods on a fixed set of cells), arms (planning time over their number), agents."""
+    """Benchmarks: coordination (all methods on a set of cells), arms (planning time over their number), agents."""
     # for the list of commands; main dispatches the line itself
 
 

@@ -218,7 +218,7 @@ def _foresee(
         k += ticks
         work.speed[row, i, k // ticks] = speed
     work.length[row, i] = k
-    return k
+    return k  # type: ignore[no-any-return]
 
 
 @njit
@@ -233,7 +233,7 @@ def _refine(world: World, row: int, i: int, commands: Array, period: int, ticks:
             commands[i] if row == 0 and period == 0 else 0.0, world.by_speed, world.tick / PARTS, PARTS * ticks,
             fine[1:], work.speeds,
         )  # fmt: skip
-    return fine
+    return fine  # type: ignore[no-any-return]
 
 
 @njit

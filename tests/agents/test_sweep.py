@@ -133,13 +133,13 @@ def test_a_trial_that_fails_does_not_count(bowl: SweepConfig, tmp_path: Path, ki
 
 
 WORKER = """
-import sys, time
+import os, sys, time
 from pathlib import Path
 from armtempo.agents import sweep
 from armtempo.configs import load_sweep_config
 
 def objective(training, folder):
-    (folder / "began").touch()
+    (folder / "began").write_text(str(os.getpid()))
     time.sleep(float(sys.argv[3]))
     return training.ppo.epochs
 
@@ -151,15 +151,17 @@ def _worker(config: SweepConfig, storage: Path, sleep: float) -> subprocess.Pope
     return subprocess.Popen([sys.executable, "-c", WORKER, str(config.source), str(storage), str(sleep)])
 
 
-def _began(storage: Path) -> set[int]:
-    return {int(path.parent.name.removeprefix("trial-")) for path in storage.glob("bowl/trial-*/began")}
+def _began(storage: Path) -> dict[int, str]:
+    """By trial of a worker, that worker."""
+    files = storage.glob("bowl/trial-*/began")
+    return {int(file.parent.name.removeprefix("trial-")): file.read_text() for file in files}
 
 
 def test_two_workers_and_one_that_is_killed(bowl: SweepConfig, tmp_path: Path) -> None:
     pytest.importorskip("optuna")
     storage = tmp_path / "shared"
     victim, other = _worker(bowl, storage, 600.0), _worker(bowl, storage, 0.2)
-    while len(_began(storage)) < 2:  # both are at work
+    while not {str(victim.pid), str(other.pid)} <= set(_began(storage).values()):  # until both are at work
         assert victim.poll() is None
     os.kill(victim.pid, signal.SIGKILL)
     victim.wait()
@@ -173,7 +175,7 @@ def test_two_workers_and_one_that_is_killed(bowl: SweepConfig, tmp_path: Path) -
     assert other.wait(timeout=60) == 0
     done = sweep(bowl, storage, 1, objective=_objective)
     assert 6 <= len(done) <= 7  # one of the two may have been at another
-    theirs = _began(storage)
+    theirs = set(_began(storage))
     assert len(theirs - {trial.number for trial in done}) == 1  # the killed one's
     assert not theirs & {trial.number for trial in mine}  # nothing twice
 

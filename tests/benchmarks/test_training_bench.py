@@ -43,7 +43,8 @@ def test_the_adapter_costs_little(lee1991: Cell) -> None:
         return CoordinationEnv(lee1991, physics="ideal", master_late_s=0.1)
 
     bare, adapted = make(), ParallelVecEnv(make, 1)
-    _bare(bare, 500), _adapted(adapted, 500)
+    _bare(bare, 500)
+    _adapted(adapted, 500)
     pairs = [(_bare(bare, STEPS // 5), _adapted(adapted, STEPS // 5)) for _ in range(5)]
     without, with_it = 1e6 * np.min(pairs, axis=0)
     print(f"\nbare step {without:.1f} us, adapted {with_it:.1f} us: + {with_it - without:.1f} us for two agents")  # noqa: T201

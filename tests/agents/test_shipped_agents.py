@@ -1,0 +1,63 @@
+"""The agents that come with armtempo do what is said of them."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from armtempo.agents import ExecutionPolicy, evaluate, find_agent, learned_policy, run_episode
+from armtempo.configs import load_train_config, parse_train_config
+from armtempo.envs import CoordinationEnv, Physics
+from armtempo.planners import BlendCell, execution_of, load_cell, schedule
+
+NAMES = ("ppo:lee1991", "ppo:blend-tracking")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_says_where_it_comes_from(name: str) -> None:
+    header = find_agent(name).header
+    assert header.command.startswith(f"armtempo train {header.name}")
+    bundled = load_train_config(header.name)  # is the one that made it
+    assert parse_train_config(header.config, bundled.source).model_dump() == bundled.model_dump()
+    assert header.curve[-1]["steps"] == header.steps
+
+
+def test_lee1991_is_within_one_percent_of_the_optimum() -> None:
+    """Run in the same environment, so at the same control period."""
+    cell = load_cell("lee1991")
+    env = CoordinationEnv(cell, physics="ideal", shield=True, record=True)
+    trace, _ = run_episode(env, learned_policy("ppo:lee1991", env))
+    best, _ = run_episode(env, ExecutionPolicy(partial(execution_of, schedule(cell, "optimal"))))
+    assert trace.makespan < 1.01 * best.makespan
+    assert trace.violations == 0
+    env.close()
+
+
+@pytest.mark.parametrize(("physics", "episodes"), [("ideal", 100), ("bullet", 5)])
+def test_lee1991_collides_with_nobody_whatever_is_drawn(physics: Physics, episodes: int) -> None:
+    env = CoordinationEnv(
+        "lee1991", physics=physics, shield=True, record=True, master_late_s=(0.0, 0.15), start_phase=(0.0, 0.3),
+        observation_noise=0.01,
+    )  # fmt: skip
+    policy = learned_policy("ppo:lee1991", env)
+    makespans = []
+    for seed in range(episodes):
+        trace, _ = run_episode(env, policy, seed)
+        assert trace.violations == 0
+        makespans.append(trace.makespan)
+    assert all(math.isfinite(time) for time in makespans)
+    assert np.std(makespans) > 0.01  # they were drawn
+    env.close()
+
+
+def test_the_feed_rate_agent_is_as_good_as_the_best_baseline() -> None:
+    cell = load_cell("lee2006", BlendCell)
+    result = evaluate(
+        cell, ["line-speed", "constant", "ppo:blend-tracking"], physics="ideal", family="line-arc", episodes=3
+    )
+    rewards = {name: one.reward for name, one in result.results.items()}
+    assert rewards["ppo:blend-tracking"] > rewards["line-speed"] - 0.01
+    assert rewards["ppo:blend-tracking"] > rewards["constant"] + 0.5
