@@ -39,9 +39,8 @@ def test_lee1991_is_within_one_percent_of_the_optimum() -> None:
 @pytest.mark.parametrize(("physics", "episodes"), [("ideal", 100), ("bullet", 5)])
 def test_lee1991_collides_with_nobody_whatever_is_drawn(physics: Physics, episodes: int) -> None:
     env = CoordinationEnv(
-        "lee1991", physics=physics, shield=True, record=True, master_late_s=(0.0, 0.15), start_phase=(0.0, 0.3),
-        observation_noise=0.01,
-    )  # fmt: skip
+        "lee1991", physics=physics, shield=True, record=True, master_late_s=(0.0, 0.15), observation_noise=0.01
+    )
     policy = learned_policy("ppo:lee1991", env)
     makespans = []
     for seed in range(episodes):
