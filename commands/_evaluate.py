@@ -257,13 +257,13 @@ def _said(name: str, value: Any) -> str:
 
 
 def _interval(interval: tuple[float, float] | None, digits: int) -> str:
-    return "–" if interval is None else f"{interval[0]:.{digits}f}–{interval[1]:.{digits}f}"
+    return "–" if interval is None else f"{interval[0]:.{digits}f}–\n{interval[1]:.{digits}f}"
 
 
 def _ratio(evaluation: Evaluation, name: str) -> str:
     """Ratio to the best on-line classical policy and its interval."""
     ratio = evaluation.ratio(name)
-    return "–" if ratio is None else f"{ratio[0]:.3f} ({_interval(ratio[1], 3)})"
+    return "–" if ratio is None else f"{ratio[0]:.3f}\n({ratio[1][0]:.3f}–\n{ratio[1][1]:.3f})"
 
 
 def reading(evaluation: Evaluation) -> str:
