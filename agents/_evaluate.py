@@ -321,7 +321,9 @@ def evaluate(
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=master_late_s, record=True, **asked)
     try:
         results, refused = {}, {}
-        known = _clairvoyant(env, episodes, seed) if (disturbance or master_late_s) and not start_phase else None
+        known = (
+            clairvoyant_makespans(env, episodes, seed) if (disturbance or master_late_s) and not start_phase else None
+        )
         for name in chosen:
             began = time.perf_counter()
             try:
@@ -349,7 +351,7 @@ def evaluate(
     )
 
 
-def _clairvoyant(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:
+def clairvoyant_makespans(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:
     """Makespans of the best answers to the disturbed first arm; None where the others find none."""
     makespans = []
     for episode in range(episodes):

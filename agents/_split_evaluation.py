@@ -14,12 +14,12 @@ import numpy as np
 from armtempo.agents._agent_file import is_agent_name
 from armtempo.agents._baselines import ExecutionPolicy, PhasePlanePolicy
 from armtempo.agents._bootstrap import Interval, ratio_interval
-from armtempo.agents._evaluate import ONLINE, run_episode
+from armtempo.agents._evaluate import ONLINE, clairvoyant_makespans, run_episode
 from armtempo.agents._learned import learned_policy
 from armtempo.agents._policy import Policy
-from armtempo.envs import CoordinationEnv, Physics, disturbed_motion
+from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import Cell, Schedule, clairvoyant, execution_of, schedule
+from armtempo.planners import Cell, Schedule, execution_of, schedule
 
 FULL_SPEED, OPTIMAL = "full-speed", "optimal"
 SPLIT_POLICIES = (*ONLINE, OPTIMAL, FULL_SPEED)
@@ -208,14 +208,9 @@ def _best_plan(cell: Cell, method: str) -> Schedule | None:
 
 def _known(env: CoordinationEnv, episodes: int, seed: int, disturbed: bool) -> tuple[float, ...] | None:
     """Makespans of who knows what will happen; the first arm, where it is disturbed, does not yield."""
+    if disturbed:
+        return clairvoyant_makespans(env, episodes, seed)
     try:
-        if not disturbed:
-            return (schedule(env.cell, OPTIMAL).makespan,) * episodes
-        found = []
-        for k in range(episodes):
-            _, infos = env.reset(seed=seed + k)
-            first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.mode)
-            found.append(max(motion.duration for motion in clairvoyant(env.cell, {0: first})))
-        return tuple(found)
+        return (schedule(env.cell, OPTIMAL).makespan,) * episodes
     except InfeasibleError:
         return None

@@ -59,25 +59,6 @@ def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
 
 
 @njit
-def run_arm(
-    rows: phase_kernels.Rows,
-    edges: phase_kernels.Edges,
-    lam: float,
-    mu: float,
-    command: float,
-    by_speed: bool,
-    tick: float,
-    ticks: int,
-    out: Array,
-) -> tuple[float, float, float]:
-    """One command of one arm for so many ticks, without physics: place and speed after them, and the time used.
-
-    ``out`` (ticks,): the place at the end of every tick. The time is less than ``ticks * tick`` only on arrival.
-    """
-    return phase_kernels.run(edges.steps, lam, mu, command, by_speed, tick, ticks, out, np.empty(ticks))
-
-
-@njit
 def move(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Array, scratch: Scratch
 ) -> None:

@@ -169,38 +169,9 @@ def _waits(own: Array, other: Array, last: Array, own_station: Array, other_stat
 
 
 @njit
-def rows_of(world: World, i: int) -> phase_kernels.Rows:
-    """The limits along arm i's path."""
-    N, m, o, b = world.size[i, 0], world.size[i, 3], world.offset[i], world.buffer
-    return phase_kernels.Rows(
-        b[o[0] : o[0] + N],
-        b[o[1] : o[1] + N * m].reshape(N, m),
-        b[o[2] : o[2] + N * m].reshape(N, m),
-        b[o[3] : o[3] + N * m].reshape(N, m),
-        b[o[4] : o[4] + N * m].reshape(N, m),
-        b[o[5] : o[5] + N * m].reshape(N, m),
-        b[o[6] : o[6] + N],
-    )
-
-
-@njit
 def length_of(world: World, i: int) -> float:
     """The length of arm i's path."""
     return world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]  # type: ignore[no-any-return]
-
-
-@njit
-def edges_of(world: World, i: int) -> phase_kernels.Edges:
-    """The controllable set of arm i."""
-    N, o, b = world.size[i, 0], world.offset[i], world.buffer
-    e = _EDGES
-    return phase_kernels.Edges(
-        b[o[e] : o[e] + N],
-        b[o[e + 1] : o[e + 1] + N],
-        b[o[e + 2] : o[e + 2] + N - 1],
-        b[o[e + 3] : o[e + 3] + N - 1],
-        steps_of(world, i),
-    )
 
 
 @njit
