@@ -104,12 +104,10 @@ def shield_work(cell: Cell, regions: int) -> ShieldWork:
     longest = BRAKING * max(motion.duration for motion in cell.fastest)
     periods = int(np.ceil(longest / cell.control_period)) + 2
     return ShieldWork(
-        places=np.zeros((2, arms, periods * ticks + 1)),
+        places=np.zeros((2, arms, PARTS * ticks * periods + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
         rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
-        fine=np.zeros((2, arms, PARTS * ticks + 1)),
-        period=np.full((2, arms), -1, dtype=np.int64),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
         speeds=np.zeros(PARTS * ticks),

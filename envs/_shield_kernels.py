@@ -25,9 +25,9 @@ Orders = NDArray[np.int8]
 MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
 HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
-PARTS = 16  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
+PARTS = 8  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
 SURE = 0.98  # of the square of a speed: what braking in other pieces may change is far less
-ALL = 1 << 40  # ticks: as many as there are until rest
+ALL = 1 << 40  # parts: as many as there are until rest
 SWEEPS = 8  # after which arms that still do not fit brake
 
 
@@ -45,28 +45,42 @@ class ShieldTables(NamedTuple):
 
 
 class ShieldWork(NamedTuple):
-    """Scratch of one thread; K + 1 places: now, and at the end of every tick."""
+    """Scratch of one thread; K + 1 places: now, and at the end of every part of a tick."""
 
     places: Array  # (2, A, K + 1) under the command for one period, then braking; braking from now on
-    length: Ints  # (2, A) ticks that are foreseen; 0: not begun
+    length: Ints  # (2, A) parts that are foreseen; 0: not begun
     rest: Bools  # (2, A) whether the arm is at rest from there on
     speed: Array  # (2, A, P + 1) at the begin of every period
-    fine: Array  # (2, A, 1 + PARTS * ticks of a period) places in one of its periods
-    period: Ints  # (2, A) which one; -1: none
     orders: Orders  # (2, R)
     lam: Array  # (2, A)
     speeds: Array  # (PARTS * ticks of a period,)
 
 
+class Limit(NamedTuple):
+    """How far the second arm of a region may go, by cells of the first arm's path."""
+
+    per_length: float  # cells of the first arm's whole path per length
+    cells: int  # of the whole path
+    begin: int  # the region's first cell
+    count: int  # of its cells
+    offset: int  # where the limits begin in the buffer
+
+
 @inlined
-def limit_at(tables: ShieldTables, r: int, order: int, place: float, length: float) -> float:
-    """How far the second arm of a region may go while the first is at ``place`` of its path of ``length``."""
-    region, buffer = tables.region, tables.buffer
-    cells = tables.cells[region[r, order, 0], region[r, order, 1]]
-    cell = min(max(int(place * (cells / length) - HERE), 0), cells - 1) - region[r, order, 2]
+def limit_of(world: World, tables: ShieldTables, r: int, order: int) -> Limit:
+    region = tables.region
+    j = region[r, order, 1]
+    cells = tables.cells[region[r, order, 0], j]
+    return Limit(cells / length_of(world, j), cells, region[r, order, 2], region[r, order, 3], region[r, order, 4])
+
+
+@inlined
+def limit_at(buffer: Array, of: Limit, place: float) -> float:
+    """How far the second arm of a region may go while the first is at ``place`` of its path."""
+    cell = min(max(int(place * of.per_length - HERE), 0), of.cells - 1) - of.begin
     limit = np.inf
-    if cell < region[r, order, 3]:
-        limit = buffer[region[r, order, 4] + max(cell, 0)]
+    if cell < of.count:
+        limit = buffer[of.offset + max(cell, 0)]
     return limit
 
 
@@ -80,7 +94,7 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Array, rea
         for r in range(orders.shape[0]):
             if orders[r] < 2:
                 i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
-                limit = limit_at(tables, r, orders[r], lam[j], length_of(world, j))
+                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
                 reach[i] = min(reach[i], limit - MARGIN * length_of(world, i))
         moved = False
         for i in range(lam.shape[0]):
@@ -108,7 +122,8 @@ def first_orders(
                 if orders[r] == 2:
                     break
                 i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
-                if lam[i] <= limit_at(tables, r, orders[r], lam[j], length_of(world, j)) - MARGIN * length_of(world, i):
+                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
+                if lam[i] <= limit - MARGIN * length_of(world, i):
                     break
                 if orders[r] != tables.candidates[c, r] or scripted[i] or scripted[j]:
                     obeyed = False
@@ -153,18 +168,22 @@ def fill_braked(world: World, i: int, braked: Array, before: Ints) -> None:
 
 
 @njit
-def stops_before(world: World, tables: ShieldTables, i: int, lam: float, mu: float, limit: float) -> bool:
-    """Whether arm i certainly comes to rest before a limit if it brakes now; it may do so even if this says no."""
-    if lam > limit or not tables.holdable[i]:
+def stops_before(
+    steps: Array, holdable: bool, braked: Array, before: Ints, lam: float, mu: float, limit: float, tick: float
+) -> bool:
+    """Whether an arm certainly comes to rest before a limit if it brakes now; it may do so even if this says no.
+
+    ``braked`` (M, N) and ``before`` (N,) of the arm: see ``ShieldTables``.
+    """
+    if lam > limit or not holdable:
         return False
     if mu <= 0.0:
         return True
-    steps = steps_of(world, i)
-    m = tables.before[i, phase_kernels.find(steps, limit - mu * world.tick)]
+    m = before[phase_kernels.find(steps, limit - mu * tick)]
     if m < 0:
         return False
     k = phase_kernels.find(steps, lam)
-    x, after = tables.braked[i, m, k], tables.braked[i, m, k + 1]
+    x, after = braked[m, k], braked[m, k + 1]
     x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
     return mu * mu <= SURE * x  # type: ignore[no-any-return]
 
@@ -177,129 +196,109 @@ def _row(braking: bool) -> int:
 
 @njit
 def _foresee(
-    world: World, tables: ShieldTables, row: int, i: int, lam: Array, mu: Array, commands: Array, ticks: int,
-    until: int, work: ShieldWork,
+    steps: Array, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int, i: int,
+    places: Array, speed: Array, length: Ints, rest: Bools, speeds: Array,
 ) -> int:  # fmt: skip
-    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking, for ``until`` ticks.
+    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking, for ``until`` parts.
 
-    Returns the last tick foreseen; earlier than ``until``, the arm is at rest from there on. An arm that does not come
+    ``places`` (K + 1,), ``speed`` (P + 1,): of ``work``, for this row and arm; they begin with where it is. (Arrays one
+    by one, not ``work``: handing over a tuple counts references to all that is in it, which took most of the time.)
+
+    Returns the last part foreseen; earlier than ``until``, the arm is at rest from there on. An arm that does not come
     to rest in time counts as going on to the end of its path.
     """
-    k = work.length[row, i]
-    if k >= until or (k > 0 and work.rest[row, i]):
+    k = length[row, i]
+    if k >= until or (k > 0 and rest[row, i]):
         return k  # type: ignore[no-any-return]
-    out = work.places[row, i]
-    steps, end, last = steps_of(world, i), length_of(world, i), out.shape[0] - 1
+    part, end, last = tick / PARTS, steps[steps.shape[0] - 1, 0], places.shape[0] - 1
     if k == 0:
-        out[0], work.speed[row, i, 0] = lam[i], mu[i]
-        _, work.speed[row, i, 1], _ = phase_kernels.run(
-            steps, lam[i], mu[i], commands[i] if row == 0 else 0.0, world.by_speed, world.tick, ticks,
-            out[1 : ticks + 1], work.speeds[:ticks],
-        )  # fmt: skip
-        work.rest[row, i], work.period[row, i] = False, -1
-        k = ticks
-    place, speed = out[k], work.speed[row, i, k // ticks]
+        _, speed[1], _ = phase_kernels.run(
+            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
+        )
+        rest[row, i] = False
+        k = parts
+    place, fast = places[k], speed[k // parts]
     while k < until:
-        if place >= end or (speed <= 0.0 and tables.holdable[i]):
-            work.rest[row, i] = True
+        if place >= end or (fast <= 0.0 and holdable):
+            rest[row, i] = True
             break
-        if k + ticks >= last:
-            out[k + 1 :] = end
+        if k + parts >= last:
+            places[k + 1 :] = end
             k += 1
-            work.rest[row, i] = True
+            rest[row, i] = True
             break
         before = place
-        place, speed, _ = phase_kernels.run(
-            steps, place, speed, 0.0, world.by_speed, world.tick, ticks, out[k + 1 : k + 1 + ticks], work.speeds[:ticks]
+        place, fast, _ = phase_kernels.run(
+            steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds
         )
         if place == before:
-            work.rest[row, i] = True
+            rest[row, i] = True
             break
-        k += ticks
-        work.speed[row, i, k // ticks] = speed
-    work.length[row, i] = k
+        k += parts
+        speed[k // parts] = fast
+    length[row, i] = k
     return k  # type: ignore[no-any-return]
-
-
-@njit
-def _refine(world: World, row: int, i: int, commands: Array, period: int, ticks: int, work: ShieldWork) -> Array:
-    """(1 + PARTS * ticks,) places of a foreseen arm in one period: the same motion, asked for more often."""
-    fine = work.fine[row, i]
-    if work.period[row, i] != period:
-        work.period[row, i] = period
-        fine[0] = work.places[row, i, period * ticks]
-        phase_kernels.run(
-            steps_of(world, i), fine[0], work.speed[row, i, period],
-            commands[i] if row == 0 and period == 0 else 0.0, world.by_speed, world.tick / PARTS, PARTS * ticks,
-            fine[1:], work.speeds,
-        )  # fmt: skip
-    return fine  # type: ignore[no-any-return]
-
-
-@njit
-def _behind(
-    world: World, tables: ShieldTables, r: int, order: int, row: int, near_last: int, k: int, commands: Array,
-    ticks: int, work: ShieldWork,
-) -> bool:  # fmt: skip
-    """Whether the second arm stays behind its limit during the tick before place ``k``; the first as in ``row``.
-
-    Limits never fall and arms never go back: in every part of the tick it is enough that the one is, at its end, behind
-    the limit from where the other is at its begin.
-    """
-    i, j = tables.region[r, order, 0], tables.region[r, order, 1]
-    length, margin = length_of(world, j), MARGIN * length_of(world, i)
-    near, far = work.places[row, j], work.places[0, i, k]
-    begin, end = near[min(k - 1, near_last)], near[min(k, near_last)]
-    if far <= limit_at(tables, r, order, begin, length) - margin:
-        return True
-    if begin == end or far > limit_at(tables, r, order, end, length) - margin:
-        return False
-    period = (k - 1) // ticks
-    if period + 2 >= work.speed.shape[2]:  # not foreseen
-        return False
-    ahead = _refine(world, row, j, commands, period, ticks, work)
-    behind = _refine(world, _row(False), i, commands, period, ticks, work)
-    first = PARTS * (k - 1 - period * ticks)
-    for part in range(first, first + PARTS):
-        if behind[part + 1] > limit_at(tables, r, order, ahead[part], length) - margin:
-            return False
-    return True
 
 
 @njit
 def _fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Array, mu: Array, commands: Array,
-    unsure: Bools, ticks: int, work: ShieldWork,
+    unsure: Bools, parts: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
-    """Whether the second arm of a region stays behind its limit; under the order in force: or is just braking."""
+    """Whether the second arm of a region stays behind its limit; under the order in force: or is just braking.
+
+    Limits never fall and arms never go back: in every part of a tick it is enough that the one is, at its end, behind
+    the limit from where the other is at its begin.
+    """
     i, j = tables.region[r, order, 0], tables.region[r, order, 1]
-    length = length_of(world, j)
-    limit = limit_at(tables, r, order, lam[j], length)
+    of, buffer = limit_of(world, tables, r, order), tables.buffer
+    limit = limit_at(buffer, of, lam[j])
     if limit == np.inf:
         return True
-    margin = MARGIN * length_of(world, i)
-    far, row, k = work.places[0, i], _row(unsure[j]), 0
-    near, most = work.places[row, j], work.places.shape[2] - ticks - 1
+    tick, by_speed, holdable = world.tick, world.by_speed, tables.holdable
+    length, rest, speeds = work.length, work.rest, work.speeds
+    own, braked, before = steps_of(world, i), tables.braked[i], tables.before[i]
+    other, row, command = steps_of(world, j), _row(unsure[j]), (0.0 if unsure[j] else commands[j])
+    margin = MARGIN * own[own.shape[0] - 1, 0]
+    far, far_speed, near, near_speed = work.places[0, i], work.speed[0, i], work.places[row, j], work.speed[row, j]
+    k, most, braking = 0, near.shape[0] - parts - 1, 0.0
     while True:
-        last = _foresee(world, tables, _row(False), i, lam, mu, commands, ticks, k + ticks, work)
-        speed = work.speed[0, i, k // ticks + 1]
-        if last > k and stops_before(world, tables, i, far[k + ticks], speed, limit - margin):
+        last = _foresee(
+            own, by_speed, holdable[i], tick, commands[i], parts, k + parts, _row(False), i, far, far_speed, length,
+            rest, speeds,
+        )  # fmt: skip
+        if last > k and stops_before(
+            own, holdable[i], braked, before, far[k + parts], far_speed[k // parts + 1], limit - margin, tick
+        ):
             return True
         # What is not foreseen of an arm ahead does not count.
-        stop = min(_foresee(world, tables, row, j, lam, mu, commands, ticks, k + ticks, work), most)
+        stop = _foresee(
+            other, by_speed, holdable[j], tick, command, parts, k + parts, row, j, near, near_speed, length, rest,
+            speeds,
+        )  # fmt: skip
+        stop = min(stop, most)
         if row == 1 and mu[j] <= 0.0:  # it may be late; an arm that cannot hold still would be foreseen to go
             stop = 0
-        for _ in range(ticks):
+        if last >= k + parts and far[k + parts] <= limit - margin:  # the whole period at once
+            k += parts
+            limit = limit_at(buffer, of, near[min(k, stop)])
+            if limit == np.inf:
+                return True
+            continue
+        for _ in range(parts):
             k += 1
             if k > last:
                 return True
-            if far[k] > limit - margin and not _behind(world, tables, r, order, row, stop, k, commands, ticks, work):
+            if far[k] > limit - margin:
                 if order != orders[r]:
                     return False
-                own = _foresee(world, tables, _row(True), i, lam, mu, commands, ticks, k, work)
-                if far[k] > work.places[1, i, min(k, own)]:
+                done = _foresee(
+                    own, by_speed, holdable[i], tick, braking, parts, k, _row(True), i, work.places[1, i],
+                    work.speed[1, i], length, rest, speeds,
+                )  # fmt: skip
+                if far[k] > work.places[1, i, min(k, done)]:
                     return False
-            limit = limit_at(tables, r, order, near[min(k, stop)], length)
+            limit = limit_at(buffer, of, near[min(k, stop)])
             if limit == np.inf:
                 return True
 
@@ -307,7 +306,7 @@ def _fits(
 @njit
 def _cut(
     world: World, tables: ShieldTables, orders: Orders, i: int, lam: Array, mu: Array, commands: Array, unsure: Bools,
-    ticks: int, work: ShieldWork,
+    parts: int, work: ShieldWork,
 ) -> None:  # fmt: skip
     """Lower the command of arm i, by bisection, until it stays behind all its limits."""
     low, high = 0, int(np.ceil(commands[i] * STEPS))
@@ -317,7 +316,7 @@ def _cut(
         fits = True
         for r in range(orders.shape[0]):
             mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
-            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
+            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
                 fits = False
                 break
         if fits:
@@ -330,7 +329,7 @@ def _cut(
 @njit
 def _other_orders(
     world: World, tables: ShieldTables, orders: Orders, lam: Array, mu: Array, commands: Array, scripted: Bools,
-    unsure: Bools, ticks: int, work: ShieldWork,
+    unsure: Bools, parts: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
     """Change who passes first where the commands as they are contradict it, if that leads on; False if it does not.
 
@@ -341,7 +340,7 @@ def _other_orders(
     for r in range(R):
         wrong[r] = 0
         free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
-        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, ticks, work):
+        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
             if scripted[tables.region[r, orders[r], 1]]:
                 return False
             wrong[r] = 1
@@ -358,25 +357,29 @@ def _other_orders(
                         and tables.region[r, orders[r], 0] == tables.region[s, orders[s], 0]
                         and tables.region[r, orders[r], 1] == tables.region[s, orders[s], 1]
                         and limit_at(
-                            tables, r, orders[r], lam[tables.region[r, orders[r], 1]],
-                            length_of(world, tables.region[r, orders[r], 1]),
-                        ) < np.inf
-                    ):  # fmt: skip
+                            tables.buffer, limit_of(world, tables, r, orders[r]), lam[tables.region[r, orders[r], 1]]
+                        )
+                        < np.inf
+                    ):
                         trial[r], changed = 1 - orders[r], True
         if not changed:
             return False
         fits = True
         for r in range(R):
             free = trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]
-            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, ticks, work):
+            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, parts, work):
                 fits = False
                 break
         if not fits:
             continue
         for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
             row = _row(unsure[i])
-            stop = _foresee(world, tables, row, i, lam, mu, commands, ticks, ALL, work)
-            stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - ticks - 1)
+            stop = _foresee(
+                steps_of(world, i), world.by_speed, tables.holdable[i], world.tick,
+                0.0 if unsure[i] else commands[i], parts, ALL, row, i, work.places[row, i], work.speed[row, i],
+                work.length, work.rest, work.speeds,
+            )  # fmt: skip
+            stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - parts - 1)
             work.lam[0, i] = work.places[row, i, stop]
         if feasible(world, tables, trial, work.lam[0], work.lam[1]):
             orders[:] = trial
@@ -418,8 +421,10 @@ def admit(
     it is what was checked the last time.
     """
     admitted[:] = commands
-    work.length[:] = 0
-    unsure = scripted | uncertain
+    for row in range(2):
+        for i in range(lam.shape[0]):
+            work.places[row, i, 0], work.speed[row, i, 0], work.length[row, i] = lam[i], mu[i], 0
+    unsure, parts = scripted | uncertain, PARTS * ticks
     fits, tried, changed = False, False, False
     sweep = 0
     while not fits:
@@ -427,15 +432,15 @@ def admit(
         for r in range(orders.shape[0]):
             if orders[r] == 2 or scripted[tables.region[r, orders[r], 0]]:
                 continue
-            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, ticks, work):
+            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, parts, work):
                 fits = False
                 if not tried:
                     tried = True
-                    if _other_orders(world, tables, orders, lam, mu, admitted, scripted, unsure, ticks, work):
+                    if _other_orders(world, tables, orders, lam, mu, admitted, scripted, unsure, parts, work):
                         return False
                 i = tables.region[r, orders[r], 0]
                 if sweep < SWEEPS:
-                    _cut(world, tables, orders, i, lam, mu, admitted, unsure, ticks, work)
+                    _cut(world, tables, orders, i, lam, mu, admitted, unsure, parts, work)
                 else:
                     admitted[i], work.length[0, i] = 0.0, 0
                 changed = True

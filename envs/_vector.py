@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, final
@@ -29,11 +30,11 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float32]
 
-PER_THREAD = 256  # episodes that are worth a thread
+PER_THREAD = {False: 256, True: 32}  # episodes that are worth a thread: without the shield, and with it
 
 
-def _threads(count: int, threads: int | None) -> int:
-    return max(1, min(os.cpu_count() or 1, count // PER_THREAD)) if threads is None else threads
+def _threads(count: int, threads: int | None, shield: bool) -> int:
+    return max(1, min(os.cpu_count() or 1, count // PER_THREAD[shield])) if threads is None else threads
 
 
 def _count(num_envs: int) -> int:
@@ -132,7 +133,7 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
             start_phase=start_phase, master_late_s=master_late_s, max_episode_s=max_episode_s, shield=shield,
             scripted=[i for i in range(len(self.cell.arms)) if i != self._own],
             plan=plan_of(self.cell, self._others[0]) if shield and self._others else None,
-            threads=_threads(self.num_envs, threads),
+            threads=_threads(self.num_envs, threads, shield),
         )  # fmt: skip
         self.metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
@@ -272,7 +273,7 @@ class CoordinationVectorEnv:
         observation_noise: Standard deviation.
         start_phase: Share of the path, or a range.
         shield: Let through only what can neither collide nor end in a deadlock; what it cut is told at the end.
-        threads: How many share the episodes of a cell; None: one per core, if there are episodes enough.
+        threads: How many share the episodes, or the cells if there are several; None: one per core, if there are episodes enough.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -309,12 +310,14 @@ class CoordinationVectorEnv:
         bounds = np.linspace(0, self.num_envs, len(self.cells) + 1).astype(int).tolist()
         self._spans = [slice(first, last) for first, last in pairwise(bounds)]
         scripted = [i for i in range(self.arms) if i not in self.learners]
+        together = _threads(self.num_envs, threads, shield)
+        self._pool = ThreadPoolExecutor(together) if together > 1 and len(self.cells) > 1 else None
         self.simulations = tuple(
             BatchSimulation(
                 one, span.stop - span.start, mode=mode, reward=reward, disturbance=disturbance,
                 observation_noise=observation_noise, start_phase=start_phase, master_late_s=master_late_s,
                 max_episode_s=max_episode_s, shield=shield,
-                scripted=scripted, threads=_threads(span.stop - span.start, threads),
+                scripted=scripted, threads=together if self._pool is None else 1,
             )
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip
@@ -352,8 +355,9 @@ class CoordinationVectorEnv:
         given = read_commands(actions, (self.num_envs, self.arms, 1))[:, :, 0]
         commands = self._full.copy()
         commands[:, self.learners] = given[:, self.learners]
-        for one, span in zip(self.simulations, self._spans, strict=True):
-            one.step(commands[span])
+        parts = [commands[span] for span in self._spans]
+        each = map if self._pool is None else self._pool.map
+        list(each(BatchSimulation.step, self.simulations, parts))
         rewards, observations = self._gathered("rewards"), self._gathered("observations")
         terminated, truncated = self._gathered("terminated"), self._gathered("truncated")
         over = (terminated | truncated).all(axis=1)
@@ -398,5 +402,7 @@ class CoordinationVectorEnv:
 
     def close(self) -> None:
         """End the threads; may be called twice."""
+        if self._pool is not None:
+            self._pool.shutdown()
         for one in self.simulations:
             one.close()
