@@ -17,6 +17,7 @@ from stable_baselines3.common.logger import configure
 
 from armtempo import __version__
 from armtempo.agents._agent_file import Agent, AgentHeader, save_agent
+from armtempo.agents._batch_vec_env import BatchVecEnv
 from armtempo.agents._checkpoint import read_checkpoint, restore, save_checkpoint
 from armtempo.agents._export import agent_of
 from armtempo.agents._train_envs import Workplace, training_env, workplace
@@ -87,6 +88,7 @@ def train(
     env = training_env(place)
     evaluation = TrainEvaluation(place)
     try:
+        _leave_undisturbed(env, chosen, 0)
         model = training_model(chosen, env)
         said = _said(chosen)
         curve = [] if content is None else restore(checkpoint, content, model, said)
@@ -105,6 +107,14 @@ def train(
     return Training(config=chosen, agent=agent, curve=curve, folder=folder)
 
 
+def _leave_undisturbed(env: Any, config: TrainConfig, steps: int) -> None:
+    """Which episodes that begin from now on are undisturbed."""
+    if isinstance(env, BatchVecEnv) and config.coordination is not None:
+        chosen = config.coordination
+        all_of_them = steps < chosen.undisturbed_until * config.total_steps
+        env.batch.leave_undisturbed(1.0 if all_of_them else chosen.undisturbed_share)
+
+
 def _said(config: TrainConfig) -> str:
     """A configuration as text, whatever the layout of its file."""
     return json.dumps(config.model_dump(mode="json"), sort_keys=True)
@@ -117,6 +127,7 @@ def _header(place: Workplace, steps: int, curve: list[Row]) -> AgentHeader:
         name=config.name,
         algorithm=config.algorithm,
         activation=config.network.activation,
+        output="tanh" if config.algorithm != "ppo" else "bounded" if config.ppo.bounded_mean else "clip",
         environment=place.environment,  # type: ignore[arg-type]
         settings=place.settings,
         learners=chosen.learners if isinstance(chosen, CoordinationTraining) else None,
@@ -167,6 +178,7 @@ class _Watch(BaseCallback):
         config, steps = self._place.config, self.model.num_timesteps
         if self._on_progress is not None:
             self._on_progress(steps, config.total_steps)
+        _leave_undisturbed(self.training_env, config, steps)
         if steps // config.evaluation.every_steps > self._evaluated:
             self._evaluated = steps // config.evaluation.every_steps
             self._evaluate(self.model)

@@ -78,6 +78,10 @@ class CoordinationTraining(_Model):
     """Standard deviation of the noise on what agents see."""
     start_phase: tuple[Share, Share] = (0.0, 0.0)
     """Where on their paths the arms start, as a share, drawn from [lowest, highest]."""
+    undisturbed_share: Share = 0.0
+    """Share of the environments in which nothing of the four above but the noise is drawn."""
+    undisturbed_until: Share = 0.0
+    """Share of the training before which that holds for all."""
     reward: Literal["own", "team"] = "own"
     """``own``: progress and time of the arm itself; ``team``: of all arms, the same for each."""
     control_period_s: Positive | None = None
@@ -93,6 +97,9 @@ class CoordinationTraining(_Model):
             raise ValueError("start_phase: must be [lowest, highest], the lowest first and both below 1")
         if self.physics == "bullet" and self.reward == "team":
             raise ValueError("reward: team needs physics: ideal")
+        for key in ("undisturbed_share", "undisturbed_until"):
+            if self.physics == "bullet" and getattr(self, key):
+                raise ValueError(f"{key}: needs physics: ideal")
         return self
 
 
@@ -169,6 +176,11 @@ class PPOConfig(_Hyper):
     """Longest gradient."""
     target_kl: Positive | None = None
     """Stop an update beyond this divergence; null: never."""
+    use_sde: StrictBool = False
+    """State-dependent exploration: in the same state the same noise, for a whole rollout. An arm that is now quick, now
+    slow learns little; so it is slower, or quicker, all along."""
+    bounded_mean: StrictBool = False
+    """Keep the mean action within +-1.2. Else it may drift to where clipping leaves nothing of the noise, and stay."""
     log_std_start: Real = 0.0
     """Logarithm of the spread of the first actions."""
     first_action: Annotated[Real, Field(ge=-1, le=1)] = 0.0

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs._disturbance import (
     Disturbance,
+    Draws,
     Range,
     as_noise,
     describe,
@@ -68,6 +69,7 @@ class BatchSimulation:
         observations: (E, A, 21) float32.
         rewards: (E, A) of the last step.
         terminated, truncated: (E, A).
+        undisturbed: (E,) bool; set those whose next episodes shall start late, elsewhere or disturbed in no way.
         shield_changed, shield_change: (E, A) how many commands of the episode the shield cut, and by how much in all.
 
     All of them are written in place: copy what is to be kept.
@@ -100,6 +102,7 @@ class BatchSimulation:
         self.cell, self.mode = as_cell(cell), mode
         self.reference_time, self.time_limit = time_limit(self.cell, max_episode_s)
         self._draws = draws_of(self.cell, disturbance, start_phase, master_late_s)
+        self._no_draws = draws_of(self.cell)
         self._noise, self._team = as_noise(observation_noise), reward == "team"
         self._world: World = ideal_world(self.cell, mode)
         self._d_min, self._tick = self.cell.d_min, self.cell.physics_tick
@@ -112,6 +115,7 @@ class BatchSimulation:
         self.terminated, self.truncated = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A), dtype=np.bool_)
         self._lengths = np.array([path.length for path in self.cell.paths])
         self._all = np.ones(E, dtype=np.bool_)
+        self.undisturbed = np.zeros(E, dtype=np.bool_)
         bounds = np.linspace(0, E, min(int(threads), E) + 1).astype(int)
         self._chunks = [
             (int(first), int(last), scratch_for(int(last - first), A, self.cell.ticks_per_period))
@@ -189,26 +193,29 @@ class BatchSimulation:
             raise InputError(f"mask has shape {active.shape}", remedy=f"give ({self.episodes},)")
         self._episodes.number[active] += 1
         late = -1.0 if master_late_s is None else float(master_late_s)
-        if self._tables is None or self._works is None:
-            draw_all(self._world, self._draws, self._episodes, active, late)
-        else:
-            failed = draw_shielded(
-                self._world, self._draws, self._tables, self._episodes, active, late, self._scripted, self._orders,
-                self._works[0],
-            )  # fmt: skip
-            if failed >= 0:
-                remedy = "let the other arms follow a plan, others='optimal'"
-                raise InfeasibleError(
-                    f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
-                    remedy=remedy if self._scripted.any() else "start the arms elsewhere",
-                )
-            self._uncertain[active] = uncertain_arms(self._episodes)[active]
-            self.shield_changed[active], self.shield_change[active] = 0, 0.0
+        for draws, drawn in ((self._draws, active & ~self.undisturbed), (self._no_draws, active & self.undisturbed)):
+            self._draw(draws, drawn, late)
         self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
         observe(
             self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
             self._chunks[0][2], self.observations,
         )  # fmt: skip
+
+    def _draw(self, draws: Draws, active: Bools, late: float) -> None:
+        if self._tables is None or self._works is None:
+            draw_all(self._world, draws, self._episodes, active, late)
+            return
+        failed = draw_shielded(
+            self._world, draws, self._tables, self._episodes, active, late, self._scripted, self._orders, self._works[0]
+        )
+        if failed >= 0:
+            remedy = "let the other arms follow a plan, others='optimal'"
+            raise InfeasibleError(
+                f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
+                remedy=remedy if self._scripted.any() else "start the arms elsewhere",
+            )
+        self._uncertain[active] = uncertain_arms(self._episodes)[active]
+        self.shield_changed[active], self.shield_change[active] = 0, 0.0
 
     def step(self, commands: Array, active: Bools | None = None) -> None:
         """Run one control period under ``commands`` (E, A) in [0, 1]; episodes that are not ``active`` stand still.
@@ -251,7 +258,7 @@ class BatchSimulation:
             "shield_changed": self.shield_changed,
             "shield_change": self.shield_change,
         }
-        return {**self._episodes._asdict(), **outputs, **shield}
+        return {**self._episodes._asdict(), **outputs, **shield, "undisturbed": self.undisturbed}
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """All that changes, copied; ``set_state`` goes on from there with the same bits."""

@@ -264,8 +264,8 @@ class CoordinationVectorEnv:
         cell: One, or several with equally many arms; each gets an equal share of the episodes, in their order.
         num_envs: E.
         mode: As in ``CoordinationEnv``; so are those below that are not told here.
-        learners: The arms that obey actions, by number; the others run at full speed, whatever their actions. None:
-            all.
+        learners: The arms that obey actions, by number; the others ask for full speed, whatever their actions.
+            None: all.
         reward: ``own`` or ``team``, see ``BatchSimulation``.
         master_late_s: Time or range [s].
         max_episode_s: Time limit [s].
@@ -273,7 +273,8 @@ class CoordinationVectorEnv:
         observation_noise: Standard deviation.
         start_phase: Share of the path, or a range.
         shield: Let through only what can neither collide nor end in a deadlock; what it cut is told at the end.
-        threads: How many share the episodes, or the cells if there are several; None: one per core, if there are episodes enough.
+        threads: How many share the episodes, or the cells if there are several; None: one per core, if there are
+            episodes enough.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -309,7 +310,6 @@ class CoordinationVectorEnv:
             raise InputError(f"learners is {learners!r}, the cells have {self.arms} arms", remedy="give their numbers")
         bounds = np.linspace(0, self.num_envs, len(self.cells) + 1).astype(int).tolist()
         self._spans = [slice(first, last) for first, last in pairwise(bounds)]
-        scripted = [i for i in range(self.arms) if i not in self.learners]
         together = _threads(self.num_envs, threads, shield)
         self._pool = ThreadPoolExecutor(together) if together > 1 and len(self.cells) > 1 else None
         self.simulations = tuple(
@@ -317,7 +317,7 @@ class CoordinationVectorEnv:
                 one, span.stop - span.start, mode=mode, reward=reward, disturbance=disturbance,
                 observation_noise=observation_noise, start_phase=start_phase, master_late_s=master_late_s,
                 max_episode_s=max_episode_s, shield=shield,
-                scripted=scripted, threads=together if self._pool is None else 1,
+                threads=together if self._pool is None else 1,
             )
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip
@@ -325,6 +325,17 @@ class CoordinationVectorEnv:
         self.observation_space: Box = observation_space()
         self.action_space: Box = action_space()
         self._full = np.ones((self.num_envs, self.arms))
+
+    def leave_undisturbed(self, share: float) -> None:
+        """From their next reset on this share of every cell's episodes is neither disturbed nor late nor elsewhere.
+
+        Raises:
+            InputError: It is not between 0 and 1.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise InputError(f"the share of undisturbed episodes must be between 0 and 1, got {share!r}")
+        for one in self.simulations:
+            one.undisturbed[:] = np.arange(one.episodes) < round(share * one.episodes)
 
     def _gathered(self, name: str) -> NDArray[Any]:
         return np.concatenate([getattr(one, name) for one in self.simulations])

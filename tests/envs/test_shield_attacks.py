@@ -64,17 +64,16 @@ def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureReq
     out, speeds = np.empty(4), np.empty(4)
     said = 0
     for i, (plane, path) in enumerate(zip(cell.planes, cell.paths, strict=True)):
+        steps, holdable, braked, before = steps_of(world, i), tables.holdable[i], tables.braked[i], tables.before[i]
         for _ in range(1500):
             lam = rng.uniform(0.0, 0.9) * path.length
             mu = rng.uniform(0.2, 1.0) * phase_kernels.edge_speed(plane.rows, plane.edges, lam)
             limit = rng.uniform(lam, path.length)
-            if not stops_before(world, tables, i, lam, mu, limit):
+            if not stops_before(steps, holdable, braked, before, lam, mu, limit, world.tick):
                 continue
             said += 1
             while mu > 0.0 and lam < path.length:
-                lam, mu, _ = phase_kernels.run(
-                    steps_of(world, i), lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds
-                )
+                lam, mu, _ = phase_kernels.run(steps, lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds)
             assert lam <= limit
     assert said > 500
 

@@ -205,6 +205,42 @@ def test_arms_that_do_not_learn_run_at_full_speed(lee1991: Cell) -> None:
     assert (one.simulations[0].mu[:, 0] > one.simulations[0].mu[:, 1]).all()
 
 
+def test_under_the_shield_they_are_agents_that_ask_for_full_speed(lee1991: Cell) -> None:
+    """As in ``CoordinationEnv``: also where the learner is ahead, and the other has to let it pass."""
+    options: dict[str, Any] = {"shield": True, "start_phase": (0.0, 0.3)}
+    one = CoordinationVectorEnv(lee1991, 12, learners=(1,), **options)
+    all_of_them = CoordinationVectorEnv(lee1991, 12, **options)
+    one.reset(seed=3)
+    all_of_them.reset(seed=3)
+    held = 0
+    for _ in range(60):
+        actions = np.full((12, 2, 1), -1.0)
+        a = one.step(actions)
+        actions[:, 0] = 1.0
+        np.testing.assert_array_equal(a[0], all_of_them.step(actions)[0])
+        held += int(one.simulations[0].shield_changed[:, 0].sum())
+    assert held > 0
+
+
+def test_some_are_left_undisturbed(lee1991: Cell) -> None:
+    disturbed: dict[str, Any] = {"disturbance": "any", "start_phase": (0.1, 0.3), "master_late_s": (0.1, 0.2)}
+    for shield in (False, True):
+        env = CoordinationVectorEnv([lee1991, lee1991], 8, shield=shield, **disturbed)
+        env.leave_undisturbed(0.5)
+        env.reset(seed=0)
+        for one in env.simulations:
+            assert (one.lam[:2] == 0.0).all()
+            assert (one.drawn["late_s"][:2] == 0.0).all()
+            assert (one.lam[2:] > 0.0).all()
+            assert (one.drawn["late_s"][2:, 0] >= 0.1).all()
+        state = env.get_state()
+        env.leave_undisturbed(0.0)
+        env.set_state(state)
+        assert [int(one.undisturbed.sum()) for one in env.simulations] == [2, 2]
+        with pytest.raises(InputError, match="between 0 and 1"):
+            env.leave_undisturbed(1.5)
+
+
 def test_several_cells_share_the_episodes(lee1991: Cell) -> None:
     both = CoordinationVectorEnv([lee1991, lee1991], 6, observation_noise=0.01)
     alone = CoordinationVectorEnv(lee1991, 6, observation_noise=0.01)
