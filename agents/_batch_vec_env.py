@@ -24,10 +24,12 @@ class BatchVecEnv(VecEnv):
 
     Args:
         batch: The episodes. Episode e gets seed + e.
+        cut_penalty: What it costs to ask for 1 more than the shield lets through, per step. Held by the shield, an arm
+            may ask for what it likes; this way it learns to slow down by itself.
     """
 
-    def __init__(self, batch: CoordinationVectorEnv) -> None:
-        self.batch = batch
+    def __init__(self, batch: CoordinationVectorEnv, cut_penalty: float = 0.0) -> None:
+        self.batch, self._cut_penalty = batch, cut_penalty
         self.learners = np.array(batch.learners, dtype=np.int64)
         self.episodes = batch.num_envs
         self.render_mode = None
@@ -63,6 +65,8 @@ class BatchVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Step the batch; episodes that have ended begin again."""
         observations, rewards, terminated, truncated, told = self.batch.step(self._actions)
+        if self._cut_penalty:
+            rewards = rewards - self._cut_penalty * np.concatenate([one.shield_cut for one in self.batch.simulations])
         self._returns += rewards[:, self.learners]
         self._steps += 1
         infos = [self._nothing] * self.num_envs  # one object: nobody writes to infos of running episodes

@@ -163,7 +163,7 @@ def training_env(place: Workplace) -> Any:
         learners = (arms - 1,) if chosen.learners == "last" else tuple(range(arms))
         options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
         del options["physics"]
-        return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options))
+        return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options), chosen.cut_penalty)
     turn = iter(range(config.num_envs))
 
     def next_cell() -> AnyCell:

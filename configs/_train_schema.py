@@ -84,6 +84,8 @@ class CoordinationTraining(_Model):
     """Share of the training before which that holds for all."""
     reward: Literal["own", "team"] = "own"
     """``own``: progress and time of the arm itself; ``team``: of all arms, the same for each."""
+    cut_penalty: NonNegative = 0.0
+    """What asking for more than the shield lets through costs per step, times what it cuts."""
     control_period_s: Positive | None = None
     """Time between two decisions instead of the cells' own [s]."""
 
@@ -97,7 +99,7 @@ class CoordinationTraining(_Model):
             raise ValueError("start_phase: must be [lowest, highest], the lowest first and both below 1")
         if self.physics == "bullet" and self.reward == "team":
             raise ValueError("reward: team needs physics: ideal")
-        for key in ("undisturbed_share", "undisturbed_until"):
+        for key in ("undisturbed_share", "undisturbed_until", "cut_penalty"):
             if self.physics == "bullet" and getattr(self, key):
                 raise ValueError(f"{key}: needs physics: ideal")
         return self

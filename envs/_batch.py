@@ -70,6 +70,7 @@ class BatchSimulation:
         rewards: (E, A) of the last step.
         terminated, truncated: (E, A).
         undisturbed: (E,) bool; set those whose next episodes shall start late, elsewhere or disturbed in no way.
+        shield_cut: (E, A) by how much the shield cut the commands of the last step.
         shield_changed, shield_change: (E, A) how many commands of the episode the shield cut, and by how much in all.
 
     All of them are written in place: copy what is to be kept.
@@ -131,6 +132,7 @@ class BatchSimulation:
         self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
         self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
         self._uncertain, self._admitted = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A))
+        self.shield_cut = np.zeros((E, A))
         self.shield_changed, self.shield_change = np.zeros((E, A), dtype=np.int64), np.zeros((E, A))
         self.seed(None)
         self.reset()
@@ -246,9 +248,9 @@ class BatchSimulation:
         for other in others:
             other.result()
         if self._shield:
-            change = np.where(active[:, None], commands - self._admitted, 0.0)
-            self.shield_changed += change != 0.0
-            self.shield_change += change
+            self.shield_cut[:] = np.where(active[:, None], commands - self._admitted, 0.0)
+            self.shield_changed += self.shield_cut != 0.0
+            self.shield_change += self.shield_cut
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         outputs = {name: getattr(self, name) for name in ("observations", "rewards", "terminated", "truncated")}

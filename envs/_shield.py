@@ -19,6 +19,7 @@ from armtempo.planners import Cell, Execution, PassingOrders, Precedence, VciExe
 Array = NDArray[np.float64]
 
 FEW = 4  # arms of which all priority orders are tried
+MANY = 12  # regions of which all orders are tried
 PLACES = 64  # before which an arm that brakes is known to stop
 BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
 
@@ -84,9 +85,24 @@ def _candidates(
         ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
         rows = [orders.of_ranks(rank) for rank in ranks]
         if not any(_leads_on(orders, row) for row in rows):
-            with suppress(InfeasibleError):  # the error is for whoever starts an episode
-                rows.append(orders.of_precedence(precedence(schedule(cell, "optimal"))))
+            rows += _mixed_order(cell, orders, rows[0])
     return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
+
+
+def _mixed_order(cell: Cell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
+    """One order that leads on where no priority does, as near to the given one as can be; none if there is none."""
+    regions = range(len(priority))
+    if len(priority) > MANY:  # too many to try them all
+        with suppress(InfeasibleError):
+            return [orders.of_precedence(precedence(schedule(cell, "optimal")))]
+        return []
+    for count in range(1, len(priority)):
+        for turned in combinations(regions, count):
+            row = priority.copy()
+            row[list(turned)] ^= 1
+            if _leads_on(orders, row):
+                return [row]
+    return []
 
 
 def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:

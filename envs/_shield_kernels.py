@@ -62,7 +62,7 @@ class Limit(NamedTuple):
     per_length: float  # cells of the first arm's whole path per length
     cells: int  # of the whole path
     begin: int  # the region's first cell
-    count: int  # of its cells
+    span: int  # number of its cells
     offset: int  # where the limits begin in the buffer
 
 
@@ -79,7 +79,7 @@ def limit_at(buffer: Array, of: Limit, place: float) -> float:
     """How far the second arm of a region may go while the first is at ``place`` of its path."""
     cell = min(max(int(place * of.per_length - HERE), 0), of.cells - 1) - of.begin
     limit = np.inf
-    if cell < of.count:
+    if cell < of.span:
         limit = buffer[of.offset + max(cell, 0)]
     return limit
 

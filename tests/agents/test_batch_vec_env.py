@@ -107,3 +107,20 @@ def test_ppo_learns_on_it(lee1991: Cell) -> None:
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=256, n_epochs=1, seed=0, device="cpu")
     model.learn(4096)
     assert model.ep_info_buffer
+
+
+def test_what_the_shield_cuts_costs(lee1991: Cell) -> None:
+    plain, charged = (
+        BatchVecEnv(CoordinationVectorEnv(lee1991, 4, shield=True, learners=(1,)), penalty) for penalty in (0.0, 0.5)
+    )
+    for env in (plain, charged):
+        env.seed(3)
+        env.reset()
+    cost = 0.0
+    for one, other in zip(steps(plain, 120), steps(charged, 120), strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        difference = np.asarray(one[1]) - np.asarray(other[1])
+        assert (difference >= 0.0).all()
+        assert (difference <= 0.5).all()
+        cost += float(difference.sum())
+    assert cost > 0.5
