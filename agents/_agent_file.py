@@ -30,8 +30,6 @@ ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 VERSION = 1
 SHIPPED = Path(__file__).parent / "shipped"
 _ACTIVATIONS = ("tanh", "relu")
-_OUTPUTS = ("clip", "tanh", "bounded")
-BOUND = np.float32(1.2)  # of a bounded mean: beyond 1, or full speed would never quite be reached
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +38,8 @@ class AgentHeader:
 
     Attributes:
         name: Of its configuration.
-        algorithm: ``ppo``, ``sac`` or ``tqc``.
+        algorithm: ``ppo`` (its actions are clipped to [-1, 1]), ``sac`` or ``tqc`` (theirs go through tanh).
         activation: Between layers: ``tanh`` or ``relu``.
-        output: How the last layer's numbers x become actions in [-1, 1]: ``clip`` them, ``tanh``, or ``bounded``: 1.2
-            tanh x, clipped.
         environment: ``coordination``, ``blend-tracking`` or ``feedback-ik``.
         settings: What the environment was made with, by name.
         learners: Of several arms: the ``last`` one, while the others run at full speed, or ``all``. None for one arm.
@@ -60,7 +56,6 @@ class AgentHeader:
     name: str
     algorithm: Algorithm
     activation: str
-    output: str
     environment: EnvironmentName
     settings: dict[str, Any]
     learners: Learners | None
@@ -99,9 +94,7 @@ class Agent:
             x = x @ weight.T + bias
             if k + 1 < len(self.layers):
                 x = np.tanh(x) if self.header.activation == "tanh" else np.maximum(x, np.float32(0.0))
-        if self.header.output != "clip":
-            x = np.tanh(x) if self.header.output == "tanh" else BOUND * np.tanh(x)
-        return np.clip(x, -1.0, 1.0)
+        return np.clip(x, -1.0, 1.0) if self.header.algorithm == "ppo" else np.tanh(x)
 
 
 def save_agent(path: Path, agent: Agent) -> None:
@@ -154,8 +147,6 @@ def _complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> str |
         return f"its header lacks or adds {', '.join(sorted(wanted ^ set(header)))}"
     if header["algorithm"] not in ALGORITHMS or header["activation"] not in _ACTIVATIONS:
         return f"unknown algorithm {header['algorithm']!r} or activation {header['activation']!r}"
-    if header["output"] not in _OUTPUTS:
-        return f"unknown output {header['output']!r}"
     if header["environment"] not in get_args(EnvironmentName) or header["learners"] not in (None, *get_args(Learners)):
         return f"unknown environment {header['environment']!r} or learners {header['learners']!r}"
     layers, width = (len(arrays) - 1) // 2, len(header["entries"])

@@ -13,7 +13,7 @@ def agent_of(model: Any, header: AgentHeader) -> Agent:
     """The actor of a PPO, SAC or TQC model with a policy of plain layers (``MlpPolicy``)."""
     policy = model.policy
     if header.algorithm == "ppo":
-        modules = [*policy.mlp_extractor.policy_net, *policy.action_net.modules()]
+        modules = [*policy.mlp_extractor.policy_net, policy.action_net]
     else:
         modules = [*policy.actor.latent_pi, policy.actor.mu]
     linear = [module for module in modules if hasattr(module, "weight")]  # the others are the activations

@@ -127,7 +127,6 @@ def _header(place: Workplace, steps: int, curve: list[Row]) -> AgentHeader:
         name=config.name,
         algorithm=config.algorithm,
         activation=config.network.activation,
-        output="tanh" if config.algorithm != "ppo" else "bounded" if config.ppo.bounded_mean else "clip",
         environment=place.environment,  # type: ignore[arg-type]
         settings=place.settings,
         learners=chosen.learners if isinstance(chosen, CoordinationTraining) else None,

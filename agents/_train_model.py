@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import torch
 
-from armtempo.agents._agent_file import BOUND
 from armtempo.configs import PPOConfig, SACConfig, TQCConfig, TrainConfig
 
 
@@ -49,24 +47,11 @@ def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any]) -> Any:
         vf_coef=h.value_weight,
         max_grad_norm=h.max_gradient,
         target_kl=h.target_kl,
-        use_sde=h.use_sde,
         **common,
     )
     with torch.no_grad():
-        model.policy.action_net.bias.fill_(np.arctanh(h.first_action / BOUND) if h.bounded_mean else h.first_action)
-    if h.bounded_mean:
-        bound_mean(model)
+        model.policy.action_net.bias.fill_(h.first_action)
     return model
-
-
-def bound_mean(model: Any) -> None:
-    """Let the mean action of a PPO model go through 1.2 tanh; its parameters, which the optimiser knows, stay."""
-    model.policy.action_net = torch.nn.Sequential(model.policy.action_net, _Bounded())
-
-
-class _Bounded(torch.nn.Module):
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        return float(BOUND) * torch.tanh(x)
 
 
 def _off_policy(h: SACConfig, env: Any) -> dict[str, Any]:

@@ -178,11 +178,6 @@ class PPOConfig(_Hyper):
     """Longest gradient."""
     target_kl: Positive | None = None
     """Stop an update beyond this divergence; null: never."""
-    use_sde: StrictBool = False
-    """State-dependent exploration: in the same state the same noise, for a whole rollout. An arm that is now quick, now
-    slow learns little; so it is slower, or quicker, all along."""
-    bounded_mean: StrictBool = False
-    """Keep the mean action within +-1.2. Else it may drift to where clipping leaves nothing of the noise, and stay."""
     log_std_start: Real = 0.0
     """Logarithm of the spread of the first actions."""
     first_action: Annotated[Real, Field(ge=-1, le=1)] = 0.0

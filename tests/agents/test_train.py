@@ -48,12 +48,13 @@ sac: {learning_starts: 40, batch_size: 32, buffer_size: 250}
 TQC = SAC.replace("sac", "tqc")
 ALL, LAST = "coordination: {cells: [lee1991], learners: all}", "coordination: {cells: [lee1991]}"
 ONE_ARM = "feedback_ik: {cell: chung, family: smooth, physics: bullet}"
-EXPLORING = PPO.replace("ppo: {", "ppo: {use_sde: true, bounded_mean: true, ")
 DRAWN = """
-coordination: {cells: [lee1991], shield: true, start_phase: [0, 0.3], undisturbed_share: 0.5, undisturbed_until: 0.6}
+coordination:
+  {cells: [lee1991], shield: true, start_phase: [0, 0.3], undisturbed_share: 0.5, undisturbed_until: 0.6,
+   cut_penalty: 0.1}
 """
 CASES = [
-    pytest.param(EXPLORING, DRAWN, 640, id="ppo that explores by state, draws that widen"),
+    pytest.param(PPO, DRAWN, 640, id="ppo, draws that widen"),
     pytest.param(PPO, ALL, 640, id="ppo, all arms"),
     pytest.param(SAC, LAST, 240, id="sac, last arm"),
     pytest.param(TQC, LAST, 240, id="tqc, last arm", marks=pytest.mark.slow),
