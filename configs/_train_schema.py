@@ -63,7 +63,7 @@ class CoordinationTraining(_Model):
     benchmark: BenchmarkFilter | None = None
     """Or cells of the benchmark set."""
     learners: Literal["last", "all"] = "last"
-    """``last``: the last arm, the others run at full speed; ``all``: all arms, by one shared policy."""
+    """``last``: the last arm, the others ask for full speed; ``all``: all arms, by one shared policy."""
     physics: Literal["ideal", "bullet"] = "ideal"
     """``ideal`` moves arms exactly as commanded, thousands at once; ``bullet`` simulates torque control."""
     mode: Literal["speed", "acceleration"] = "speed"
@@ -79,9 +79,9 @@ class CoordinationTraining(_Model):
     start_phase: tuple[Share, Share] = (0.0, 0.0)
     """Where on their paths the arms start, as a share, drawn from [lowest, highest]."""
     undisturbed_share: Share = 0.0
-    """Share of the environments in which nothing of the four above but the noise is drawn."""
+    """Share of the environments in which neither a disturbance nor a start phase is drawn; ideal only."""
     undisturbed_until: Share = 0.0
-    """Share of the training before which that holds for all."""
+    """Share of the training before which that holds for all of them."""
     reward: Literal["own", "team"] = "own"
     """``own``: progress and time of the arm itself; ``team``: of all arms, the same for each."""
     cut_penalty: NonNegative = 0.0

@@ -69,7 +69,7 @@ def shield_tables(
 def _candidates(
     cell: Cell, orders: PassingOrders, scripted: tuple[int, ...], plan: Precedence | None
 ) -> NDArray[np.int8]:
-    """(C, R) orders to begin with: priorities as they are, then others, then those of the shortest plan."""
+    """(C, R) orders to begin with: priorities as they are, then others; where none of them leads on, a mixed one."""
     arms = len(cell.arms)
     if plan is not None:
         rows = [orders.of_precedence(plan)]
