@@ -69,7 +69,7 @@ class BatchSimulation:
         observations: (E, A, 21) float32.
         rewards: (E, A) of the last step.
         terminated, truncated: (E, A).
-        undisturbed: (E,) bool; set those whose next episodes shall start late, elsewhere or disturbed in no way.
+        undisturbed: (E,) bool, to be set: whose next episodes draw no disturbance, no lateness and no start phase.
         shield_cut: (E, A) by how much the shield cut the commands of the last step.
         shield_changed, shield_change: (E, A) how many commands of the episode the shield cut, and by how much in all.
 
@@ -196,7 +196,8 @@ class BatchSimulation:
         self._episodes.number[active] += 1
         late = -1.0 if master_late_s is None else float(master_late_s)
         for draws, drawn in ((self._draws, active & ~self.undisturbed), (self._no_draws, active & self.undisturbed)):
-            self._draw(draws, drawn, late)
+            if drawn.any():
+                self._draw(draws, drawn, late)
         self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
         observe(
             self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
