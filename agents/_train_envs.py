@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ class Workplace:
         environment: Name of the environment.
         settings: What it is made with, but for the cell and what disturbs an episode.
         disturbed: Options of coordination that differ from episode to episode.
+        variants: Options that differ from environment to environment; they are taken in turn.
     """
 
     config: TrainConfig
@@ -50,6 +52,7 @@ class Workplace:
     environment: str
     settings: dict[str, Any]
     disturbed: dict[str, Any]
+    variants: tuple[dict[str, Any], ...] = ({},)
 
     @property
     def entries(self) -> list[str]:
@@ -62,9 +65,9 @@ class Workplace:
         assert isinstance(cell, IKCell)
         return [entry.name for entry in ik_entries(cell.arm.dof)]
 
-    def single(self, cell: AnyCell, *, disturbed: bool = True) -> Any:
+    def single(self, cell: AnyCell, *, disturbed: bool = True, variant: int = 0) -> Any:
         """One environment in a cell, as evaluations run it."""
-        options = self.settings | (self.disturbed if disturbed else {})
+        options = self.settings | (self.disturbed if disturbed else {}) | self.variants[variant]
         make: Any = {
             "coordination": CoordinationEnv,
             "blend-tracking": BlendTrackingEnv,
@@ -92,18 +95,21 @@ def workplace(config: TrainConfig) -> Workplace:
             settings=settings,
             disturbed=_disturbed(chosen),
         )
-    settings = {"family": chosen.family, "physics": chosen.physics, "model_error": chosen.model_error}
+    settings = {"physics": chosen.physics, "model_error": chosen.model_error}
+    variants: tuple[dict[str, Any], ...]
     source = _beside(config.source, chosen.cell)
     cell: AnyCell
     if isinstance(chosen, BlendTraining):
         cell = build_cell(load_cell_config(source, BlendCellConfig))
         settings |= {"profile": chosen.profile, "mapping": chosen.mapping}
-        environment = "blend-tracking"
+        variants, environment = ({"family": chosen.family},), "blend-tracking"
     else:
         cell = build_cell(load_cell_config(source, IKCellConfig))
         settings |= {"action_mode": chosen.action_mode}
-        environment = "feedback-ik"
-    return Workplace(config=config, cells=(cell,), environment=environment, settings=settings, disturbed={})
+        variants, environment = tuple({"family": family} for family in chosen.families), "feedback-ik"
+    return Workplace(
+        config=config, cells=(cell,), environment=environment, settings=settings, disturbed={}, variants=variants
+    )
 
 
 def _beside(source: Path, name: str) -> str | Path:
@@ -164,20 +170,18 @@ def training_env(place: Workplace) -> Any:
         options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
         del options["physics"]
         return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options), chosen.cut_penalty)
-    turn = iter(range(config.num_envs))
-
-    def next_cell() -> AnyCell:
-        return cells[next(turn) % len(cells)]
-
     options = place.settings | place.disturbed
+    turn, variants = itertools.cycle(cells), itertools.cycle(place.variants)
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":
-        return ParallelVecEnv(lambda: CoordinationEnv(next_cell(), **options), config.num_envs)  # type: ignore[arg-type]
-    one: Callable[[], Any]
-    if isinstance(chosen, CoordinationTraining):
-        one = lambda: Monitor(YieldingEnv(next_cell(), others="phase-plane", **options))  # type: ignore[arg-type]  # noqa: E731
-    elif isinstance(chosen, BlendTraining):
-        one = lambda: Monitor(BlendTrackingEnv(next_cell(), **options))  # type: ignore[arg-type]  # noqa: E731
-    else:
-        scale = chosen.reward_scale
-        one = lambda: TransformReward(Monitor(FeedbackIKEnv(next_cell(), **options)), lambda r: scale * float(r))  # type: ignore[arg-type]  # noqa: E731
+        return ParallelVecEnv(lambda: CoordinationEnv(next(turn), **options), config.num_envs)  # type: ignore[arg-type]
+
+    def one() -> Any:
+        cell: Any = next(turn)
+        own: Any = options | next(variants)
+        if isinstance(chosen, CoordinationTraining):
+            return Monitor(YieldingEnv(cell, others="phase-plane", **own))
+        if isinstance(chosen, BlendTraining):
+            return Monitor(BlendTrackingEnv(cell, **own))
+        return TransformReward(Monitor(FeedbackIKEnv(cell, **own)), lambda r: chosen.reward_scale * float(r))
+
     return DummyVecEnv([one] * config.num_envs)

@@ -39,7 +39,8 @@ class TrainEvaluation:
     def __init__(self, place: Workplace) -> None:
         self._place, self._config = place, place.config.evaluation
         self._cells = place.cells[: self._config.cells]
-        self._disturbed = [place.single(cell) for cell in self._cells]
+        variants = range(len(place.variants))
+        self._disturbed = [place.single(cell, variant=k) for cell in self._cells for k in variants]
         self._undisturbed = [place.single(cell, disturbed=False) for cell in self._cells]
         self._optimum: list[float | None] | None = None
 
@@ -49,7 +50,8 @@ class TrainEvaluation:
             return self._of_several(agent)
         rewards, finished = [], 0
         for k in range(self._config.episodes):
-            reward, info = run_to_end(self._disturbed[0], LearnedOneArmPolicy(agent), self._config.seed + k)
+            env = self._disturbed[k % len(self._disturbed)]
+            reward, info = run_to_end(env, LearnedOneArmPolicy(agent), self._config.seed + k)
             rewards.append(reward)
             finished += bool(info.get("is_success"))
         return {

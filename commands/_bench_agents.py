@@ -11,7 +11,7 @@ from armtempo.commands._output import JsonFile, Output, new_table, number
 if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
 
-DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal")
+DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal", "ppo:generalist")
 
 
 def bench_agents(

@@ -127,8 +127,10 @@ class IKTraining(_Model):
 
     cell: File = "chung"
     """Name of a bundled ik cell, or its file."""
-    family: Literal["given", "smooth", "near-singular", "partly-unreachable"] = "given"
-    """Targets: the given one, or drawn for every episode."""
+    families: Annotated[
+        tuple[Literal["given", "smooth", "near-singular", "partly-unreachable"], ...], Field(min_length=1)
+    ] = ("given",)
+    """Targets: the given one, or drawn for every episode; environments take them in turn."""
     action_mode: Literal["speeds", "gains"] = "gains"
     """What an action means: joint speeds, or the gains of the paper's law."""
     physics: Literal["ideal", "bullet"] = "ideal"

@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from armtempo.agents import ExecutionPolicy, evaluate, find_agent, learned_policy, run_episode
+from armtempo.agents import ExecutionPolicy, compare_on, evaluate, find_agent, learned_policy, run_episode
 from armtempo.configs import load_train_config, parse_train_config
 from armtempo.envs import CoordinationEnv, Physics
-from armtempo.planners import BlendCell, execution_of, load_cell, schedule
+from armtempo.planners import BlendCell, benchmark_instances, execution_of, load_cell, schedule
 
-NAMES = ("ppo:lee1991", "ppo:blend-tracking")
+NAMES = ("ppo:lee1991", "ppo:blend-tracking", "ppo:generalist")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -50,6 +50,21 @@ def test_lee1991_collides_with_nobody_whatever_is_drawn(physics: Physics, episod
     assert all(math.isfinite(time) for time in makespans)
     assert np.std(makespans) > 0.01  # they were drawn
     env.close()
+
+
+def test_the_generalist_beats_the_best_classical_policy_in_cells_it_has_not_seen() -> None:
+    """Behind an arm that is late, slow or stops; the bench asks for all cells of the split."""
+    known = set(find_agent("ppo:generalist").header.cells)
+    mixed = [
+        one.build()
+        for one in benchmark_instances("test", family="planar")
+        if one.labels.status == "feasible" and one.labels.priority_class == "mixed"
+    ]
+    assert not known & {cell.name for cell in mixed}
+    compared = compare_on(mixed[:2], ["vci", "ppo:generalist"], episodes=5, disturbance="any")
+    figures = compared.figures("ppo:generalist")
+    assert (figures["finished"], figures["violations"]) == (10, 0)
+    assert figures["ratio_to_best_online"][1][1] < 1.0
 
 
 def test_the_feed_rate_agent_is_as_good_as_the_best_baseline() -> None:

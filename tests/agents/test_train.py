@@ -21,7 +21,7 @@ import torch
 from armtempo.agents import Training, evaluate, find_agent, train
 from armtempo.configs import TrainConfig, load_train_config
 from armtempo.errors import InputError
-from armtempo.planners import Cell
+from armtempo.planners import Cell, IKCell, draw_target
 
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 
@@ -47,7 +47,7 @@ sac: {learning_starts: 40, batch_size: 32, buffer_size: 250}
 """
 TQC = SAC.replace("sac", "tqc")
 ALL, LAST = "coordination: {cells: [lee1991], learners: all}", "coordination: {cells: [lee1991]}"
-ONE_ARM = "feedback_ik: {cell: chung, family: smooth, physics: bullet}"
+ONE_ARM = "feedback_ik: {cell: chung, families: [smooth, near-singular], physics: bullet}"
 DRAWN = """
 coordination:
   {cells: [lee1991], shield: true, start_phase: [0, 0.3], undisturbed_share: 0.5, undisturbed_until: 0.6,
@@ -160,6 +160,24 @@ def test_the_weights_change_with_the_seed_alone(trained: Training, tmp_path: Pat
         weights(other.folder)["parameters"]["action_net.weight"],
         weights(trained.folder)["parameters"]["action_net.weight"],
     )
+
+
+def test_environments_take_the_families_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+
+    def recorded(cell: IKCell, family: str, random: np.random.Generator) -> IKCell:
+        drawn.append(family)
+        return draw_target(cell, family, random)
+
+    monkeypatch.setattr("armtempo.envs._feedback_ik.draw_target", recorded)
+    one_update = """
+algorithm: ppo
+total_steps: 8
+evaluation: {episodes: 0}
+ppo: {rollout_steps: 4, batch_size: 8, epochs: 1}
+"""
+    train(config(tmp_path, one_update, ONE_ARM.replace("bullet", "ideal")), tmp_path / "out")
+    assert drawn[:2] == ["smooth", "near-singular"]
 
 
 def test_a_folder_is_not_overwritten_nor_resumed_with_something_else(trained: Training) -> None:

@@ -29,6 +29,7 @@ WRONG = {
         "late_s",
     ),
     "range": (WHERE + "ppo: {gamma: 1.5}", "ppo.gamma", "Discount"),
+    "no family": (HEAD + "feedback_ik: {families: []}", "feedback_ik.families", "at least 1"),
     "a word": (WHERE + "ppo: {learning_rate: fast}", "ppo.learning_rate", "number"),
     "team in bullet": (
         HEAD + "coordination: {cells: [a], reward: team, physics: bullet}",

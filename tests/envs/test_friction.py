@@ -72,8 +72,7 @@ def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: Cell) -> None
     cell = with_friction(slow, 0.0, 0.2)
     scene = Scene(cell)
     try:
-        body, joint = scene.bodies[0], scene.joints[0][0]
-        assert pybullet.getDynamicsInfo(body, joint, physicsClientId=scene.client)[6] == 0.0
+        body = scene.bodies[0]
         q = np.zeros((2, 2))
         qd = np.zeros((2, 2))
         scene.place(q)
