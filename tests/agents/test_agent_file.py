@@ -59,7 +59,7 @@ def test_actions_are_those_of_the_trained_model(algorithm: str, activation: str,
         observation_space = gymnasium.spaces.Box(-1.0, 1.0, (SIZE,))
         action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,))
 
-    torch.set_num_threads(1)  # as in a training; torch's other threads were seen to compute tanh to 1e-5 only
+    torch.set_num_threads(1)  # as in a training; another thread of torch was seen to be off by 1e-4
     torch.manual_seed(4)
     make = {"ppo": sb3.PPO, "sac": sb3.SAC, "tqc": contrib.TQC}[algorithm]
     function = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[activation]
