@@ -13,6 +13,7 @@ from armtempo.envs._disturbed_motion import disturbed_motion
 from armtempo.envs._feedback_ik import FeedbackIKEnv
 from armtempo.envs._ik_observation import ik_entries
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
+from armtempo.envs._ik_vector import FeedbackIKVectorEnv
 from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
 from armtempo.envs._renderer import Renderer
 from armtempo.envs._shield import EpisodeShield, Shield
@@ -62,6 +63,7 @@ __all__ = [
     "ACTION_MODES",
     "ActionMode",
     "FeedbackIKEnv",
+    "FeedbackIKVectorEnv",
     "IKSimulation",
     "IKTrace",
     "ik_entries",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, final
 
@@ -10,7 +11,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from armtempo.envs._episode import read_actions
-from armtempo.envs._ik_observation import ik_entries, observe_ik
+from armtempo.envs._ik_observation import ik_entries, observe_ik, view_of
 from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.envs._observation import action_space, observation_space
 from armtempo.envs._renderer import Renderer, render_modes
@@ -21,9 +22,32 @@ from armtempo.errors import InputError
 from armtempo.planners import TARGET_FAMILIES, BlendCell, Cell, IKCell, TargetFamilyName, draw_target, load_cell
 
 RESET_OPTIONS = ("family",)
-EFFORT = 0.1
-"""Weight of the effort: a tenth of what the errors can cost."""
+REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}
+"""Of the terms of the reward, in the order of ``IKSimulation.shares``."""
 GAINS = 4
+
+
+def ik_cell(cell: IKCell | str | Path, action_mode: str, families: Sequence[str]) -> IKCell:
+    """A built cell of an arm that follows poses.
+
+    Raises:
+        UnknownNameError: No such cell, action mode or family of targets.
+        InputError: It is of another kind.
+    """
+    check_names(("action mode", action_mode, ACTION_MODES))
+    check_names(*(("family of targets", family, TARGET_FAMILIES) for family in families))
+    if isinstance(cell, Cell | BlendCell):
+        raise InputError(
+            f"{cell.name!r} is a {cell.config.kind} cell, and an ik cell is needed here",
+            remedy="give an ik cell such as chung, or use CoordinationEnv or BlendTrackingEnv",
+        )
+    return cell if isinstance(cell, IKCell) else load_cell(cell, IKCell)
+
+
+def ik_spaces(cell: IKCell, action_mode: ActionMode) -> tuple[Box, Box]:
+    """Of observations and of actions."""
+    joints = cell.arm.dof
+    return observation_space(ik_entries(joints)), action_space(joints if action_mode == "speeds" else GAINS)
 
 
 @final
@@ -99,23 +123,15 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         record: bool = False,
     ) -> None:
         super().__init__(render_mode, max_episode_s)
-        check_names(("action mode", action_mode, ACTION_MODES), ("family of targets", family, TARGET_FAMILIES))
-        given: object = cell
-        if isinstance(given, Cell | BlendCell):
-            raise InputError(
-                f"{given.name!r} is a {given.config.kind} cell, and an ik cell is needed here",
-                remedy="give an ik cell such as chung, or use CoordinationEnv or BlendTrackingEnv",
-            )
-        self.cell = cell if isinstance(cell, IKCell) else load_cell(cell, IKCell)
+        self.cell = ik_cell(cell, action_mode, (family,))
         self.action_mode: ActionMode = action_mode
         self.family: TargetFamilyName = family
         self.simulation = IKSimulation(
             self.cell, physics=physics, action_mode=action_mode, record=record, model_error=model_error
         )
-        joints = self.cell.arm.dof
-        self._size = joints if action_mode == "speeds" else GAINS
-        self.observation_space: Box = observation_space(ik_entries(joints))  # type: ignore[assignment]
-        self.action_space: Box = action_space(self._size)  # type: ignore[assignment]
+        self.observation_space: Box
+        self.action_space: Box
+        self.observation_space, self.action_space = ik_spaces(self.cell, action_mode)
 
     @property
     def trace(self) -> IKTrace:
@@ -149,7 +165,7 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "position_error_mm": 1e3 * self.simulation.position_error,
             "orientation_error_rad": self.simulation.orientation_error,
         }
-        return observe_ik(self.simulation), info
+        return self._observed(), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Run one control period.
@@ -160,14 +176,12 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         """
         self._check_running()
         simulation = self.simulation
-        simulation.step(read_actions(action, self._size, self.cell.arm.name))
+        simulation.step(read_actions(action, self.action_space.shape[0], self.cell.arm.name))
         cell = simulation.cell
         elapsed, duration = cell.control_period, cell.duration
         terms = {
-            "position": deviation_reward(simulation.mean_position_share, elapsed, duration),
-            "orientation": deviation_reward(simulation.mean_orientation_share, elapsed, duration),
-            "effort": EFFORT * deviation_reward(simulation.effort, elapsed, duration),
-            "caps": deviation_reward(simulation.cut, elapsed, duration),
+            name: weight * deviation_reward(share, elapsed, duration)
+            for (name, weight), share in zip(REWARD_WEIGHTS.items(), simulation.shares.tolist(), strict=True)
         }
         terminated = simulation.done
         truncated = not terminated and simulation.time >= self._limit - 1e-9
@@ -178,7 +192,7 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "orientation_error_rad": simulation.orientation_error,
             "singular_value": singular_value,
             "damped": singular_value < cell.config.law.damping,
-            "capped": simulation.cut > 0.0,
+            "capped": bool(simulation.shares[3] > 0.0),
             "reward_terms": terms,
         }
         if terminated or truncated:
@@ -190,7 +204,10 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             self._running = False
         if self.render_mode == "human":
             self.render()
-        return observe_ik(simulation), float(sum(terms.values())), terminated, truncated, info
+        return self._observed(), float(sum(terms.values())), terminated, truncated, info
+
+    def _observed(self) -> NDArray[np.float32]:
+        return observe_ik(self.cell, view_of(self.simulation))[0]
 
     def _draw_extras(self, renderer: Renderer) -> None:
         """The target's axes now."""

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.envs._ik_simulation import IKSimulation
 from armtempo.envs._observation import Entry
+from armtempo.planners import IKCell
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 AHEAD = (1, 10)
 """Control periods from now at which the target is seen."""
@@ -49,39 +55,71 @@ def ik_entries(joints: int) -> tuple[Entry, ...]:
     )
 
 
-def _soft(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _soft(x: Array) -> Array:
     return np.asarray(x / (1.0 + np.abs(x)))
 
 
-def observe_ik(simulation: IKSimulation) -> NDArray[np.float32]:
-    """The observation now, in the order of ``ik_entries``; a new array."""
-    cell, arm, target = simulation.cell, simulation.cell.arm, simulation.cell.target
-    config, row = cell.config, 2 * simulation.tick
-    q = simulation.joint_positions()[0]
+class IKView(NamedTuple):
+    """What E episodes of a cell look like now; their observations are made from it."""
+
+    q: Array
+    """(E, n)."""
+    speeds: Array
+    """(E, n) of the joints themselves."""
+    reference: Array
+    """(E, n)."""
+    error: Array
+    """(E, 6) from the tip to the target."""
+    velocity: Array
+    """(E, 3) of the target."""
+    turning: Array
+    """(E, 3)."""
+    ahead: Array
+    """(E, L, 6) from the tip to the target, ``AHEAD`` periods from now."""
+    singular_value: Array
+    """(E,)."""
+    demand: Array
+    """(E, n) torques."""
+    progress: Array
+    """(E,) share of the target's time."""
+
+
+def view_of(simulation: IKSimulation) -> IKView:
+    """Of one episode."""
+    cell, target, row = simulation.cell, simulation.cell.target, 2 * simulation.tick
+    q = simulation.joint_positions()
+    ahead = [min(row + 2 * cell.ticks_per_period * k, 2 * cell.ticks) for k in AHEAD]
+    return IKView(
+        q, simulation.measured_speeds[None], simulation.reference[None], simulation.error[None],
+        target.velocity[row][None], target.angular_velocity[row][None], simulation.pose_errors(q[0], ahead)[None],
+        np.array([simulation.singular_value]), simulation.demand[None], np.array([simulation.tick / cell.ticks]),
+    )  # fmt: skip
+
+
+def observe_ik(cell: IKCell, view: IKView) -> Floats:
+    """Observations (E, size), in the order of ``ik_entries``; a new array."""
+    arm, config, (q, *_) = cell.arm, cell.config, view
     limited = np.isfinite(arm.position_min) & np.isfinite(arm.position_max)
     low, high = np.where(limited, arm.position_min, -np.pi), np.where(limited, arm.position_max, np.pi)
     shown = np.where(limited, q, (q + np.pi) % (2.0 * np.pi) - np.pi)
     half = 0.5 * (high - low)
+    units = FAR * np.repeat([config.error_scale_m, config.error_scale_rad], 3)
     parts = [
         (shown - low) / half - 1.0,
-        simulation.measured_speeds / arm.speed_max,
-        _soft((simulation.reference - q) / LAG),
-        _soft(simulation.error[:3] / config.error_scale_m),
-        _soft(simulation.error[3:] / config.error_scale_rad),
-        _soft(target.velocity[row] / cell.solver.length),
-        _soft(target.angular_velocity[row]),
+        view.speeds / arm.speed_max,
+        _soft((view.reference - q) / LAG),
+        _soft(view.error[:, :3] / config.error_scale_m),
+        _soft(view.error[:, 3:] / config.error_scale_rad),
+        _soft(view.velocity / cell.solver.length),
+        _soft(view.turning),
+        _soft(view.ahead / units).reshape(len(q), -1),
     ]
-    ahead = [min(row + 2 * cell.ticks_per_period * k, 2 * cell.ticks) for k in AHEAD]
-    off = simulation.pose_errors(q, ahead)
-    units = FAR * np.repeat([config.error_scale_m, config.error_scale_rad], 3)
-    parts.append(_soft(off / units).ravel())
-    value = simulation.singular_value
     room = np.minimum(q - arm.position_min, arm.position_max - q) / half
     shares = [
-        value / (value + config.law.damping),
-        float(room.min(initial=1.0, where=limited)),
-        float((np.abs(simulation.demand) / arm.torque_max).max()),
-        simulation.tick / cell.ticks,
+        view.singular_value / (view.singular_value + config.law.damping),
+        room.min(axis=1, initial=1.0, where=limited),
+        (np.abs(view.demand) / arm.torque_max).max(axis=1),
+        view.progress,
     ]
-    parts.append(2.0 * np.array(shares) - 1.0)
-    return np.asarray(np.clip(np.concatenate(parts), -1.0, 1.0), dtype=np.float32)
+    parts.append(2.0 * np.stack(shares, axis=1) - 1.0)
+    return np.asarray(np.clip(np.concatenate(parts, axis=1), -1.0, 1.0), dtype=np.float32)

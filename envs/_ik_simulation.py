@@ -13,23 +13,18 @@ from typing import Literal, final, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs._ik_braking import HARDNESS, hardest_stop, hold_back
-from armtempo.envs._ik_kernels import allowed_speeds, brake, pose_errors, ramp, run_law
+from armtempo.envs._ik_braking import HARDNESS, hardest_stop
+from armtempo.envs._ik_kernels import brake, pose_errors
+from armtempo.envs._ik_periods import ask_period, cut_shares, drive_of, sum_up
 from armtempo.envs._simulation import Physics
 from armtempo.envs._tracked_arm import TrackedArm
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import IKCell, IKGains, IKTargets
+from armtempo.planners import IKCell, IKTargets
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 ActionMode = Literal["speeds", "gains"]
 ACTION_MODES: tuple[ActionMode, ...] = get_args(ActionMode)
-
-GAIN_RATIO = 4.0
-"""By which an action of 1 multiplies a gain, and one of -1 divides it."""
-DAMPING_MAX = 0.9
-CUT = 1e-9  # of the caps, mean of the joints: less is rounding
-UNLIMITED = 10  # control periods in which a joint without a limit of its acceleration is planned to stop
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -106,12 +101,11 @@ class IKSimulation:
         joint_speeds: (n,) of the reference now [rad/s, m/s].
         measured_speeds: (n,) of the joints themselves.
         tip, error: Where the tip is (3,), and from there to the target (6,): [m], rotation vector [rad].
-        mean_position_share, mean_orientation_share: x / (1 + x) of the errors x in units of the cell's scales, mean
-            over the last step.
         squares: (2,) of the errors of position and orientation, sums over all ticks so far [m^2, rad^2].
-        effort: Mean square of the torques as shares of their limits, over the last step.
+        shares: (4,) means over the last step: x / (1 + x) of the errors x of position and orientation in units of the
+            cell's scales, the square of the torques as shares of their limits, what limits cut from the speeds asked
+            for as a share of the caps.
         singular_value: The smallest one, of the task's Jacobian, lengths in units of the arm's.
-        cut: What limits cut from the speeds asked for, as a share of the caps, mean over the last step.
     """
 
     def __init__(
@@ -120,6 +114,7 @@ class IKSimulation:
         if action_mode not in ACTION_MODES:
             raise UnknownNameError("action mode", str(action_mode), ACTION_MODES)
         self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
+        self._drive = drive_of(cell, by_gains=action_mode == "gains")
         self.physics, self.record, self.action_mode = physics, record, action_mode
         self._scene = self._arm.scene
         self.reset(cell)
@@ -127,9 +122,6 @@ class IKSimulation:
     def reset(self, cell: IKCell) -> None:
         """To the start of ``cell`` (the arm is the same), at rest."""
         self.cell, arm = cell, cell.arm
-        self._limits = (arm.speed_max, arm.acceleration_max, arm.position_min, arm.position_max)
-        unlimited = arm.speed_max / (UNLIMITED * cell.control_period)
-        self._braking: Array = np.where(np.isfinite(arm.acceleration_max), arm.acceleration_max, unlimited)
         self._hardness = 1.0  # share of these at which it can stop
         target = cell.target  # copied, so not read-only: the law is compiled for one kind of arrays
         self._targets = IKTargets(
@@ -139,7 +131,7 @@ class IKSimulation:
         self._ticks = 0
         self.joint_speeds: Array = np.zeros(arm.dof)
         self.squares: Array = np.zeros(2)
-        self.mean_position_share = self.mean_orientation_share = self.effort = self.cut = 0.0
+        self.shares: Array = np.zeros(4)
         self._arm.place(cell.start)
         rows = np.stack([self._arm.q, self._arm.torque, self._arm.demand], axis=1)
         self._blocks: list[tuple[Array, Array, Array, Array, Bools]] = []
@@ -200,34 +192,28 @@ class IKSimulation:
 
     def step(self, action: Array) -> None:
         """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
-        ticks = self.cell.ticks_per_period
-        joints = np.empty((ticks, self.cell.arm.dof))
-        asked, speeds = (self._ramp if self.action_mode == "speeds" else self._run_law)(action, joints)
-        cuts = np.repeat(self._cut(asked, speeds), ticks // len(speeds))
-        rows = self._arm.follow(joints)
-        while self._arm.clipped and self.physics == "bullet":  # as bodies heavier than believed make them
+        cell, drive, held = self.cell, self._drive, self._arm
+        ticks, n = cell.ticks_per_period, cell.arm.dof
+        joints, cuts = np.empty((ticks, n)), np.empty(ticks)
+        asked, speeds = np.empty((2, ticks if drive.by_gains else 1, n))
+        self._hardness = ask_period(
+            drive, action, self._targets, 2 * self._ticks, held.reference[2], self.joint_speeds, held.reference,
+            self._hardness, joints, asked, speeds,
+        )  # fmt: skip
+        self.joint_speeds = speeds[-1].copy()
+        cut_shares(asked, speeds, drive.speed_max, cuts)
+        rows = held.follow(joints)
+        while held.clipped and self.physics == "bullet":  # as bodies heavier than believed make them
             k = len(rows)
             self._start_over()
             if k == ticks:
                 break
-            cuts[k:] = self._cut(asked[-1:], self._brake(joints[k:]))
-            rows = np.concatenate([rows, self._arm.follow(joints[k:])])
+            braking = self._brake(joints[k:])
+            cut_shares(np.repeat(asked[-1:], ticks - k, axis=0), braking, drive.speed_max, cuts[k:])
+            rows = np.concatenate([rows, held.follow(joints[k:])])
         self._ticks += ticks
         errors = self._measure(joints, rows, cuts)
-        config = self.cell.config
-        squares = np.stack([(errors[:, :3] ** 2).sum(axis=1), (errors[:, 3:] ** 2).sum(axis=1)])
-        self.squares += squares.sum(axis=1)
-        position, orientation = np.sqrt(squares)
-        position, orientation = position / config.error_scale_m, orientation / config.error_scale_rad
-        self.mean_position_share = float((position / (1.0 + position)).mean())
-        self.mean_orientation_share = float((orientation / (1.0 + orientation)).mean())
-        self.effort = float(((rows[:, 1] / self._arm.torque_max) ** 2).mean())
-        self.cut = float(cuts.mean())
-
-    def _cut(self, asked: Array, speeds: Array) -> Array:
-        """What limits cut from speeds, both (L, n): (L,) shares of the caps, mean of the joints."""
-        shares = np.minimum(np.abs(asked - speeds) / self.cell.arm.speed_max, 1.0).mean(axis=1)
-        return np.where(shares > CUT, shares, 0.0)
+        sum_up(errors, rows[:, 1], cuts, drive.torque_max, drive.scales, self.squares, self.shares)
 
     def _start_over(self) -> None:
         """The reference goes on from where the arm is, and as fast."""
@@ -238,9 +224,10 @@ class IKSimulation:
         )
         held.reference[:] = q - self.cell.physics_tick * np.array([[2.0], [1.0], [0.0]]) * v
         self.joint_speeds = v
+        drive = self._drive
         hardness = hardest_stop(
-            arm.model, q, v, self._braking, self._period[0], arm.position_min, arm.position_max, held.coulomb,
-            held.torque_max,
+            arm.model, q, v, drive.braking, drive.tick if drive.by_gains else drive.period, arm.position_min,
+            arm.position_max, held.coulomb, held.torque_max,
         )  # fmt: skip
         self._hardness = float(hardness or HARDNESS[-1])
 
@@ -248,55 +235,11 @@ class IKSimulation:
         """References ``joints`` (K, n) towards a stop; their speeds (K, n)."""
         arm, speeds = self.cell.arm, np.empty_like(joints)
         brake(
-            self._arm.reference[2], self.joint_speeds, self.cell.physics_tick, 1.0, self._hardness * self._braking,
+            self._arm.reference[2], self.joint_speeds, self.cell.physics_tick, 1.0, self._hardness * self._drive.braking,
             arm.speed_max, arm.position_min, arm.position_max, joints, speeds,
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         return speeds
-
-    @property
-    def _period(self) -> tuple[float, float]:
-        """Time from one speed to the next, and how late in it a speed holds, as ``allowed_speeds`` has it."""
-        return (self.cell.control_period, 0.5) if self.action_mode == "speeds" else (self.cell.physics_tick, 1.0)
-
-    def _ramp(self, action: Array, joints: Array) -> tuple[Array, Array]:
-        """References of a period from speeds at its end, as shares of the caps: those speeds, and what they are."""
-        cell, reference = self.cell, self._arm.reference[2]
-        asked, speeds = (action * cell.arm.speed_max)[None], np.empty((1, cell.arm.dof))
-        allowed_speeds(reference, self.joint_speeds, asked[0], *self._period, *self._limits, speeds[0])
-        ramp(reference, self.joint_speeds, speeds[0], cell.physics_tick, *self._limits[2:], joints)
-        self._hold_back(joints, speeds)
-        return asked, speeds
-
-    def _run_law(self, action: Array, joints: Array) -> tuple[Array, Array]:
-        """References of a period from the law at every tick, its gains and its damping multiplied; its speeds."""
-        cell, law = self.cell, self.cell.config.law
-        base = np.array([law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping])
-        position, approach, normal, damping = (GAIN_RATIO**action * base).tolist()
-        gains = IKGains(position=position, approach=approach, normal=normal)
-        compiled = cell.solver.retuned(gains, min(damping, DAMPING_MAX)).law
-        asked, speeds = np.empty_like(joints), np.empty_like(joints)
-        run_law(
-            cell.arm.model, compiled, self._targets, 2 * self._ticks, self._arm.reference[2], self.joint_speeds,
-            cell.arm.acceleration_max, joints, asked, speeds,
-        )  # fmt: skip
-        self._hold_back(joints, speeds)
-        return asked, speeds
-
-    def _hold_back(self, joints: Array, speeds: Array) -> None:
-        """Draw the references of a period, and their speeds, to where torques can follow; they are this period's."""
-        arm, held, period = self.cell.arm, self._arm, self._period
-        stopping, slower = np.empty_like(joints), np.empty_like(speeds)
-        brake(
-            held.reference[2], self.joint_speeds, *period, self._hardness * self._braking, arm.speed_max,
-            arm.position_min, arm.position_max, stopping, slower,
-        )  # fmt: skip
-        hardness = float(hold_back(
-            arm.model, joints, speeds, stopping, slower, held.reference, self._braking, period[0], arm.position_min,
-            arm.position_max, held.coulomb, held.torque_max, self.cell.physics_tick,
-        ))  # fmt: skip
-        self._hardness = hardness or self._hardness
-        self.joint_speeds = speeds[-1].copy()
 
     def _measure(self, joints: Array, rows: Array, cuts: Array) -> Array:
         """Pose errors (K, 6) at the last K ticks, of which ``rows`` are known."""

@@ -37,14 +37,37 @@ def _threads(count: int, threads: int | None, shield: bool) -> int:
     return max(1, min(os.cpu_count() or 1, count // PER_THREAD[shield])) if threads is None else threads
 
 
-def _count(num_envs: int) -> int:
-    if not (isinstance(num_envs, int | np.integer) and num_envs > 0):
-        raise InputError(f"num_envs must be a whole number above 0, got {num_envs!r}")
-    return int(num_envs)
+def count_of(number: int, what: str = "num_envs") -> int:
+    """A number of things, one at least."""
+    if not (isinstance(number, int | np.integer) and number > 0):
+        raise InputError(f"{what} must be a whole number above 0, got {number!r}")
+    return int(number)
 
 
-def read_commands(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Actions in [-1, 1] as commands in [0, 1], with the bits of ``read_action``; values outside are clipped.
+def check_ideal(physics: Physics, render_mode: str | None) -> None:
+    """Refuse what many environments at once cannot do."""
+    if physics != "ideal" or render_mode is not None:
+        what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"
+        raise InputError(
+            f"many environments at once run without physics and pictures, got {what}",
+            remedy='use physics="ideal", or gymnasium.make_vec(..., vectorization_mode="sync")',
+        )
+
+
+def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
+    """``NEXT_STEP`` or ``SAME_STEP``.
+
+    Raises:
+        InputError: It is neither.
+    """
+    known = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
+    if mode not in (*known, *(one.value for one in known)):
+        raise InputError(f"autoreset_mode is {mode!r}", remedy="use NEXT_STEP or SAME_STEP")
+    return AutoresetMode(mode)
+
+
+def read_many(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Actions of many environments, clipped to [-1, 1], with the bits of ``read_actions``.
 
     Raises:
         ActionError: They are not finite numbers of that shape.
@@ -58,7 +81,12 @@ def read_commands(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
             f"actions must be finite numbers in an array of shape {shape}, got shape {values.shape}",
             remedy="clip them to [-1, 1] and replace NaN before step",
         )
-    return np.asarray(0.5 * (np.clip(values, -1.0, 1.0) + 1.0), dtype=np.float64)
+    return np.clip(values, -1.0, 1.0)
+
+
+def read_commands(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Such actions as commands in [0, 1], with the bits of ``read_action``."""
+    return np.asarray(0.5 * (read_many(actions, shape) + 1.0), dtype=np.float64)
 
 
 @final
@@ -110,19 +138,9 @@ class YieldingVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
     ) -> None:
-        if physics != "ideal" or render_mode is not None:
-            what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"
-            raise InputError(
-                f"many environments at once run without physics and pictures, got {what}",
-                remedy='use physics="ideal", or gymnasium.make_vec(..., vectorization_mode="sync")',
-            )
-        try:
-            self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            self.autoreset_mode = AutoresetMode.DISABLED
-        if self.autoreset_mode == AutoresetMode.DISABLED:
-            raise InputError(f"autoreset_mode is {autoreset_mode!r}", remedy="use NEXT_STEP or SAME_STEP")
-        self.num_envs = _count(num_envs)
+        check_ideal(physics, render_mode)
+        self.autoreset_mode = autoreset_of(autoreset_mode)
+        self.num_envs = count_of(num_envs)
         self.cell = as_cell(cell)
         self._own, self._shielded = learner_of(self.cell, learner), shield
         if others is not None and not isinstance(others, str):
@@ -295,7 +313,7 @@ class CoordinationVectorEnv:
         shield: bool = False,
         threads: int | None = None,
     ) -> None:
-        self.num_envs = _count(num_envs)
+        self.num_envs = count_of(num_envs)
         given = [cell] if isinstance(cell, Cell | str | Path) else list(cell)
         self.cells = tuple(as_cell(one) for one in given)
         counts = {len(one.arms) for one in self.cells}

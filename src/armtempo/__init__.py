@@ -42,6 +42,7 @@ gymnasium.register(
 gymnasium.register(
     id="armtempo/FeedbackIK-v0",
     entry_point="armtempo.envs:FeedbackIKEnv",
+    vector_entry_point="armtempo.envs:FeedbackIKVectorEnv",
     kwargs={"cell": "chung"},
 )
 pettingzoo.register(
