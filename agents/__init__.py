@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from armtempo.agents._batch_vec_env import BatchVecEnv
     from armtempo.agents._parallel_vec_env import ParallelVecEnv
     from armtempo.agents._train import Training, train
+    from armtempo.agents._vector_vec_env import VectorVecEnv
 
 __all__ = [
     "SPLIT_POLICIES",
@@ -88,6 +89,7 @@ __all__ = [
     "SingleArmPolicy",
     "BatchVecEnv",
     "ParallelVecEnv",
+    "VectorVecEnv",
     "Training",
     "train",
     "Agent",

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any, final
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
+from armtempo.agents._whole_vec_env import WholeVecEnv
 from armtempo.envs import CoordinationVectorEnv
 
 
 @final
-class BatchVecEnv(VecEnv):
+class BatchVecEnv(WholeVecEnv):
     """A batch of episodes; row ``e L + k`` is learner k of L in episode e.
 
     An episode of a row is that of all its arms: ``dones`` of its rows are true together, when the last arm has arrived,
@@ -32,13 +30,8 @@ class BatchVecEnv(VecEnv):
         self.batch, self._cut_penalty = batch, cut_penalty
         self.learners = np.array(batch.learners, dtype=np.int64)
         self.episodes = batch.num_envs
-        self.render_mode = None
-        super().__init__(self.episodes * len(self.learners), batch.observation_space, batch.action_space)
+        super().__init__(batch, self.episodes * len(self.learners), batch.observation_space, batch.action_space)
         self._actions = np.ones((self.episodes, batch.arms, 1), dtype=np.float32)
-        self._returns = np.zeros((self.episodes, len(self.learners)))
-        self._steps = np.zeros(self.episodes, dtype=np.int64)
-        self._nothing: dict[str, Any] = {}
-        self._began = time.perf_counter()
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: episode e gets seed + e; None: something random."""
@@ -67,9 +60,9 @@ class BatchVecEnv(VecEnv):
         observations, rewards, terminated, truncated, told = self.batch.step(self._actions)
         if self._cut_penalty:
             rewards = rewards - self._cut_penalty * np.concatenate([one.shield_cut for one in self.batch.simulations])
-        self._returns += rewards[:, self.learners]
+        self._returns += self._rows(rewards)
         self._steps += 1
-        infos = [self._nothing] * self.num_envs  # one object: nobody writes to infos of running episodes
+        infos = [self._nothing] * self.num_envs
         ended = (terminated | truncated).all(axis=1)
         if ended.any():
             self._finish(np.flatnonzero(ended), truncated & ~terminated, told, infos)
@@ -81,7 +74,7 @@ class BatchVecEnv(VecEnv):
     ) -> None:
         """Tell the rows of these episodes about their end."""
         final, last = told["final_info"], told["final_obs"]
-        L, seconds = len(self.learners), round(time.perf_counter() - self._began, 6)
+        L = len(self.learners)
         for e in ended:
             for k, arm in enumerate(self.learners):
                 infos[e * L + k] = {
@@ -90,44 +83,5 @@ class BatchVecEnv(VecEnv):
                     "is_success": bool(final["is_success"][e]),
                     "violation": bool(final["violation"][e]),
                     "makespan_s": float(final["makespan_s"][e]),
-                    "episode": {"r": float(self._returns[e, k]), "l": int(self._steps[e]), "t": seconds},
+                    "episode": self._end(e * L + k),
                 }
-            self._returns[e], self._steps[e] = 0.0, 0
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that a batch continues from, exactly."""
-        mine = {"vec.returns": self._returns.copy(), "vec.steps": self._steps.copy()}
-        return {**{f"batch.{name}": array for name, array in self.batch.get_state().items()}, **mine}
-
-    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Continue from there."""
-        self._returns[:], self._steps[:] = state["vec.returns"], state["vec.steps"]
-        self.batch.set_state(
-            {name.removeprefix("batch."): array for name, array in state.items() if name.startswith("batch.")}
-        )
-
-    def close(self) -> None:
-        """Close the batch."""
-        self.batch.close()
-
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute, of this or of the batch, for each row."""
-        value = getattr(self if attr_name == "render_mode" else self.batch, attr_name)
-        return [value for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the batch."""
-        setattr(self.batch, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the batch, once; its result for each row."""
-        result = getattr(self.batch, method_name)(*method_args, **method_kwargs)
-        return [result for _ in self._get_indices(indices)]
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """A batch has no Gymnasium wrappers."""
-        return [False for _ in self._get_indices(indices)]

@@ -9,6 +9,7 @@ from armtempo.errors import InputError
 TRAINING = {  # public names that need the extra, and the modules that bring them
     "BatchVecEnv": "armtempo.agents._batch_vec_env",
     "ParallelVecEnv": "armtempo.agents._parallel_vec_env",
+    "VectorVecEnv": "armtempo.agents._vector_vec_env",
     "Training": "armtempo.agents._train",
     "train": "armtempo.agents._train",
 }

@@ -15,6 +15,7 @@ from armtempo.configs import (
     CellConfig,
     CoordinationTraining,
     IKCellConfig,
+    IKTraining,
     TrainConfig,
     load_cell_config,
 )
@@ -26,6 +27,7 @@ from armtempo.envs import (
     CoordinationVectorEnv,
     Disturbance,
     FeedbackIKEnv,
+    FeedbackIKVectorEnv,
     YieldingEnv,
     ik_entries,
 )
@@ -154,12 +156,14 @@ def _disturbed(chosen: CoordinationTraining) -> dict[str, Any]:
 
 def training_env(place: Workplace) -> Any:
     """The ``VecEnv`` that a training steps: batched where the physics are ideal, else one environment after another."""
+    from gymnasium.vector import AutoresetMode
     from gymnasium.wrappers import TransformReward
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
     from armtempo.agents._batch_vec_env import BatchVecEnv
     from armtempo.agents._parallel_vec_env import ParallelVecEnv
+    from armtempo.agents._vector_vec_env import VectorVecEnv
 
     options: dict[str, Any]
     config, chosen, cells = place.config, place.config.environment, place.cells
@@ -170,6 +174,13 @@ def training_env(place: Workplace) -> Any:
         options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
         del options["physics"]
         return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options), chosen.cut_penalty)
+    if isinstance(chosen, IKTraining) and chosen.physics == "ideal":
+        assert isinstance(cells[0], IKCell)
+        vector = FeedbackIKVectorEnv(
+            config.num_envs, cells[0], action_mode=chosen.action_mode, family=chosen.families, targets=chosen.targets,
+            target_seed=config.seed, autoreset_mode=AutoresetMode.SAME_STEP,
+        )  # fmt: skip
+        return VectorVecEnv(vector, chosen.reward_scale, chosen.hold_periods)
     options = place.settings | place.disturbed
     turn, variants = itertools.cycle(cells), itertools.cycle(place.variants)
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":

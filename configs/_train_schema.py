@@ -139,6 +139,17 @@ class IKTraining(_Model):
     """The simulated bodies are heavier by this share than the controller believes."""
     reward_scale: Positive = 1.0
     """Multiplies what the algorithm is told, where rewards are too small to learn from; the curve has them unscaled."""
+    targets: Count = 96
+    """In ``ideal``: how many are drawn before the training, which takes one of them for every episode."""
+    hold_periods: Count = 1
+    """In ``ideal``: control periods for which the training holds an action, one agent step; the agent decides in each.
+    What gains do to an error shows seconds later: a choice of 10 ms is lost in what is drawn."""
+
+    @model_validator(mode="after")
+    def _ideal(self) -> Self:
+        if self.physics == "bullet" and self.hold_periods > 1:
+            raise ValueError("hold_periods: needs physics: ideal")
+        return self
 
 
 class NetworkConfig(_Model):

@@ -24,6 +24,7 @@ from armtempo.envs._ik_observation import AHEAD, IKView, observe_ik
 from armtempo.envs._ik_periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
 from armtempo.envs._ik_simulation import ActionMode
 from armtempo.envs._simulation import Physics
+from armtempo.envs._single_arm import check_time_limit
 from armtempo.envs._vector import autoreset_of, check_ideal, count_of, read_many
 from armtempo.errors import InputError
 from armtempo.planners import IKCell, IKTargets, TargetFamilyName, draw_target
@@ -105,6 +106,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
     ) -> None:
         check_ideal(physics, render_mode)
         self.autoreset_mode = autoreset_of(autoreset_mode)
+        check_time_limit(max_episode_s)
         self.num_envs = count_of(num_envs)
         families = (family,) if isinstance(family, str) else tuple(family)
         self.cell = ik_cell(cell, action_mode, families)

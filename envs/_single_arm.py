@@ -38,6 +38,12 @@ def check_names(*choices: tuple[str, object, Sequence[str]]) -> None:
             raise UnknownNameError(kind, str(name), known)
 
 
+def check_time_limit(max_episode_s: float | None) -> None:
+    """Raise InputError unless it is a time [s], or None."""
+    if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
+        raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
+
+
 class SingleArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]], Generic[Simulated]):
     """The part of an environment of one arm that does not depend on its task; subclasses make ``simulation``."""
 
@@ -45,8 +51,7 @@ class SingleArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]], Gene
 
     def __init__(self, render_mode: str | None, max_episode_s: float | None) -> None:
         check_render_mode(render_mode)
-        if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
-            raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
+        check_time_limit(max_episode_s)
         self.render_mode = render_mode
         self._max_episode = max_episode_s
         self._renderer: Renderer | None = None

@@ -1,0 +1,68 @@
+"""A vector environment of Gymnasium as a ``VecEnv`` of stable-baselines3."""
+
+from __future__ import annotations
+
+from typing import Any, final
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
+
+from armtempo.agents._whole_vec_env import WholeVecEnv
+from armtempo.envs import FeedbackIKVectorEnv
+from armtempo.errors import InputError
+
+
+@final
+class VectorVecEnv(WholeVecEnv):
+    """One row per environment.
+
+    Args:
+        vector: The environments, which begin anew in the step that ends an episode (``SAME_STEP``).
+        reward_scale: Multiplies rewards; the returns in infos are unscaled.
+        hold: Steps of the environments that are one of a row, with the same action; rewards are added up. An episode
+            that begins within them has that action, too, up to the next, and what it earns until then is not told.
+
+    Raises:
+        InputError: The environments begin anew in the step after.
+    """
+
+    def __init__(self, vector: FeedbackIKVectorEnv, reward_scale: float = 1.0, hold: int = 1) -> None:
+        if vector.autoreset_mode != AutoresetMode.SAME_STEP:
+            raise InputError(
+                f"autoreset_mode is {vector.autoreset_mode.value!r}", remedy="make them with autoreset_mode=SAME_STEP"
+            )
+        self.vector, self._scale, self._hold = vector, reward_scale, hold
+        super().__init__(vector, vector.num_envs, vector.single_observation_space, vector.single_action_space)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start all episodes; uses up the seeds."""
+        observations, _ = self.vector.reset(seed=self._seeds)
+        self._reset_seeds()
+        self._returns[:], self._steps[:] = 0.0, 0
+        return observations
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for ``step_wait``."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step all environments; episodes that have ended begin again."""
+        total, ended = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.bool_)
+        infos = [self._nothing] * self.num_envs
+        for _ in range(self._hold):
+            observations, rewards, terminated, truncated, told = self.vector.step(self._actions)
+            total += np.where(ended, 0.0, rewards)
+            for e in np.flatnonzero((terminated | truncated) & ~ended):
+                infos[e] = {
+                    "terminal_observation": told["final_obs"][e].copy(),
+                    "TimeLimit.truncated": bool(truncated[e]),
+                    "is_success": bool(told["final_info"]["is_success"][e]),
+                }
+            ended |= terminated | truncated
+        self._returns += total
+        self._steps += 1
+        for e in np.flatnonzero(ended):
+            infos[e]["episode"] = self._end(e)
+        return observations, (self._scale * total).astype(np.float32), ended, infos
