@@ -32,7 +32,15 @@ from armtempo.agents._evaluate_blend import (
 )
 from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
 from armtempo.agents._extra import TRAINING, load_training
-from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, LawPolicy, NewtonPolicy, ik_policy
+from armtempo.agents._ik_baselines import (
+    IK_POLICIES,
+    GainPolicy,
+    IKPolicy,
+    LawPolicy,
+    NewtonPolicy,
+    action_mode_of,
+    ik_policy,
+)
 from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy, learned_policy
 from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
 from armtempo.agents._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
@@ -82,7 +90,9 @@ __all__ = [
     "evaluate_ik",
     "IK_POLICIES",
     "IKPolicy",
+    "GainPolicy",
     "LawPolicy",
+    "action_mode_of",
     "NewtonPolicy",
     "ik_policy",
     "RandomActions",

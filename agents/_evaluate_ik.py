@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.agents._agent_file import find_agent, is_agent_name
-from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, ik_policy
+from armtempo.agents._ik_baselines import IK_POLICIES, IKPolicy, action_mode_of, ik_policy
 from armtempo.agents._learned import LearnedOneArmPolicy, check_fits
 from armtempo.agents._policy import chosen_policies, run_to_end
 from armtempo.envs import FeedbackIKEnv, IKTrace, Physics
@@ -127,10 +127,11 @@ def evaluate_ik(
     chosen = chosen_policies(policies, IK_POLICIES, episodes)
     results = {}
     for name in chosen:
-        settings = find_agent(name).header.settings if is_agent_name(name) else {}
+        learned = is_agent_name(name)
+        mode = find_agent(name).header.settings.get("action_mode", "speeds") if learned else action_mode_of(name)
         env = FeedbackIKEnv(
             cell,
-            action_mode=settings.get("action_mode", "speeds"),
+            action_mode=mode,
             family=family,
             physics=physics,
             model_error=model_error,

@@ -4,7 +4,11 @@
 ``feedback-ff``      with both feed-forwards
 ``feedback-damped``  that, damped near singularities as the cell says, with caps on the twist scaled to the arm
 ``newton``           one undamped Newton step per control period onto the target at its end
+``law``              the cell's law at every tick, as it stands: gains where an agent of ``gains`` changes nothing
+``law-scheduled``    that with two sets of gains: softer, damped and more for the orientation while the tip is off
 ``random``           uniform actions
+
+The last two are for environments of ``gains``, the others for ``speeds``.
 
 A decision holds for a control period, and speeds change linearly over it. Each is therefore taken for its end: the law
 at the place that the present speeds lead to, Newton's step from where the arm could have come to rest. Errors are those
@@ -21,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.agents._policy import RandomActions, SingleArmPolicy
-from armtempo.envs import FeedbackIKEnv
+from armtempo.envs import ActionMode, FeedbackIKEnv
 from armtempo.errors import UnknownNameError
 from armtempo.planners import FeedbackIK, IKCell, PoseTarget
 
@@ -31,8 +35,11 @@ PLAIN = 1e-6  # damping, and the step [s] that the law is told, of a law that da
 TURNS = 2.0  # cap of the angular speed, in mean joint speed caps; that of the tip's speed is one times the length
 
 
+OFF = 0.5  # error scales of position from which gains are scheduled
+SCHEDULED = np.array([-1.0, 1.0, 1.0, 1.0], dtype=np.float32)
+
 IKPolicy = SingleArmPolicy[FeedbackIKEnv]
-"""Decides the joint speeds of an IK cell's arm, (n,); baselines and learned agents alike."""
+"""Decides the joint speeds of an IK cell's arm, (n,), or its law's gains, (4,); baselines and learned agents alike."""
 
 
 @final
@@ -101,6 +108,26 @@ class NewtonPolicy:
         return _shares(cell, step / cell.control_period)
 
 
+@final
+class GainPolicy:
+    """The cell's law at every tick.
+
+    Args:
+        scheduled: A quarter of K_p and four times K_a, K_n and damping while the tip is half an error scale off.
+    """
+
+    def __init__(self, *, scheduled: bool) -> None:
+        self.scheduled = scheduled
+
+    def reset(self, seed: int | None = None) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: NDArray[np.float32], env: FeedbackIKEnv) -> NDArray[np.float32]:
+        """By which powers of four gains are multiplied."""
+        off = env.simulation.position_error > OFF * env.cell.config.error_scale_m
+        return SCHEDULED.copy() if self.scheduled and off else np.zeros_like(SCHEDULED)
+
+
 def _end_of_period(env: FeedbackIKEnv) -> int:
     """The target's row at the end of the next control period."""
     simulation = env.simulation
@@ -117,9 +144,16 @@ _BASELINES: dict[str, Callable[[], IKPolicy]] = {
     "feedback-ff": lambda: LawPolicy(feed_forward=True, damped=False),
     "feedback-damped": lambda: LawPolicy(feed_forward=True, damped=True),
     "newton": NewtonPolicy,
+    "law": lambda: GainPolicy(scheduled=False),
+    "law-scheduled": lambda: GainPolicy(scheduled=True),
     "random": RandomActions,
 }
 IK_POLICIES = tuple(_BASELINES)
+
+
+def action_mode_of(name: str) -> ActionMode:
+    """What the actions of a baseline mean."""
+    return "gains" if name in ("law", "law-scheduled") else "speeds"
 
 
 def ik_policy(name: str) -> IKPolicy:

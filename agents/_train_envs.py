@@ -178,9 +178,9 @@ def training_env(place: Workplace) -> Any:
         assert isinstance(cells[0], IKCell)
         vector = FeedbackIKVectorEnv(
             config.num_envs, cells[0], action_mode=chosen.action_mode, family=chosen.families, targets=chosen.targets,
-            target_seed=config.seed, autoreset_mode=AutoresetMode.SAME_STEP,
+            target_seed=config.seed, hold_periods=chosen.hold_periods, autoreset_mode=AutoresetMode.SAME_STEP,
         )  # fmt: skip
-        return VectorVecEnv(vector, chosen.reward_scale, chosen.hold_periods)
+        return VectorVecEnv(vector, chosen.reward_scale)
     options = place.settings | place.disturbed
     turn, variants = itertools.cycle(cells), itertools.cycle(place.variants)
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 
 from armtempo.configs import PPOConfig, SACConfig, TQCConfig, TrainConfig
+from armtempo.errors import InputError
 
 
 def training_model(config: TrainConfig, env: Any) -> Any:
@@ -49,8 +50,15 @@ def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any]) -> Any:
         target_kl=h.target_kl,
         **common,
     )
+    bias = model.policy.action_net.bias
+    first = torch.tensor(h.first_action)
+    if first.ndim and first.shape != bias.shape:
+        raise InputError(
+            f"ppo.first_action has {len(first)} numbers, and an action has {len(bias)}",
+            remedy="give one for each, or a single number",
+        )
     with torch.no_grad():
-        model.policy.action_net.bias.fill_(h.first_action)
+        bias.copy_(first)
     return model
 
 

@@ -21,19 +21,17 @@ class VectorVecEnv(WholeVecEnv):
     Args:
         vector: The environments, which begin anew in the step that ends an episode (``SAME_STEP``).
         reward_scale: Multiplies rewards; the returns in infos are unscaled.
-        hold: Steps of the environments that are one of a row, with the same action; rewards are added up. An episode
-            that begins within them has that action, too, up to the next, and what it earns until then is not told.
 
     Raises:
         InputError: The environments begin anew in the step after.
     """
 
-    def __init__(self, vector: FeedbackIKVectorEnv, reward_scale: float = 1.0, hold: int = 1) -> None:
+    def __init__(self, vector: FeedbackIKVectorEnv, reward_scale: float = 1.0) -> None:
         if vector.autoreset_mode != AutoresetMode.SAME_STEP:
             raise InputError(
                 f"autoreset_mode is {vector.autoreset_mode.value!r}", remedy="make them with autoreset_mode=SAME_STEP"
             )
-        self.vector, self._scale, self._hold = vector, reward_scale, hold
+        self.vector, self._scale = vector, reward_scale
         super().__init__(vector, vector.num_envs, vector.single_observation_space, vector.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
@@ -49,20 +47,16 @@ class VectorVecEnv(WholeVecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step all environments; episodes that have ended begin again."""
-        total, ended = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.bool_)
-        infos = [self._nothing] * self.num_envs
-        for _ in range(self._hold):
-            observations, rewards, terminated, truncated, told = self.vector.step(self._actions)
-            total += np.where(ended, 0.0, rewards)
-            for e in np.flatnonzero((terminated | truncated) & ~ended):
-                infos[e] = {
-                    "terminal_observation": told["final_obs"][e].copy(),
-                    "TimeLimit.truncated": bool(truncated[e]),
-                    "is_success": bool(told["final_info"]["is_success"][e]),
-                }
-            ended |= terminated | truncated
-        self._returns += total
+        observations, rewards, terminated, truncated, told = self.vector.step(self._actions)
+        self._returns += rewards
         self._steps += 1
-        for e in np.flatnonzero(ended):
-            infos[e]["episode"] = self._end(e)
-        return observations, (self._scale * total).astype(np.float32), ended, infos
+        infos = [self._nothing] * self.num_envs
+        ended = terminated | truncated
+        for e in np.flatnonzero(ended).tolist():
+            infos[e] = {
+                "terminal_observation": told["final_obs"][e].copy(),
+                "TimeLimit.truncated": bool(truncated[e]),
+                "is_success": bool(told["final_info"]["is_success"][e]),
+                "episode": self._end(e),
+            }
+        return observations, (self._scale * rewards).astype(np.float32), ended, infos

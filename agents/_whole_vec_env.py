@@ -18,12 +18,14 @@ class WholeVecEnv(VecEnv):
     Args:
         whole: Has ``get_state``, ``set_state`` and ``close``.
         rows: How many.
+        seen: Space of what a row sees.
+        actions: Space of its actions.
     """
 
-    def __init__(self, whole: Any, rows: int, observations: gymnasium.Space[Any], actions: gymnasium.Space[Any]) -> None:
+    def __init__(self, whole: Any, rows: int, seen: gymnasium.Space[Any], actions: gymnasium.Space[Any]) -> None:
         self._whole = whole
         self.render_mode = None
-        super().__init__(rows, observations, actions)
+        super().__init__(rows, seen, actions)
         self._nothing: dict[str, Any] = {}  # infos of running episodes: one object, as nobody writes to it
         self._returns = np.zeros(rows)
         self._steps = np.zeros(rows, dtype=np.int64)
@@ -31,7 +33,8 @@ class WholeVecEnv(VecEnv):
 
     def _end(self, row: int) -> dict[str, Any]:
         """What SB3's monitor tells of an episode of a row that is over."""
-        told = {"r": float(self._returns[row]), "l": int(self._steps[row]), "t": round(time.perf_counter() - self._began, 6)}
+        seconds = round(time.perf_counter() - self._began, 6)
+        told = {"r": float(self._returns[row]), "l": int(self._steps[row]), "t": seconds}
         self._returns[row], self._steps[row] = 0.0, 0
         return told
 

@@ -59,8 +59,9 @@ def evaluate(
         cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
         policies: Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
             offset, interval, optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth,
-            constant, random; in ik cells feedback, feedback-ff, feedback-damped, newton, random. A learned agent is
-            ppo:NAME (one that comes with armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it.
+            constant, random; in ik cells feedback, feedback-ff, feedback-damped, newton, law,
+            law-scheduled, random. A learned agent is ppo:NAME (one that comes with armtempo) or ppo:FILE.npz, with
+            sac: or tqc: if these made it.
         episodes: Episodes per policy; the table shows the worst clearance, torque and path error of all.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.

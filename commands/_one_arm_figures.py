@@ -18,7 +18,11 @@ from armtempo.robots import Arm
 Array = NDArray[np.float64]
 
 LIMIT: dict[str, Any] = {"color": "#B00020", "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
-DASHES = {"random": (0, (1, 1.4)), "feedback-damped": (0, (4, 2))}  # the latter often lies on feedback-ff
+DASHES = {
+    "random": (0, (1, 1.4)),
+    "feedback-damped": (0, (4, 2)),  # often lies on feedback-ff
+    "law-scheduled": (0, (4, 2)),  # and this on law
+}
 
 
 ARM: dict[str, Any] = {

@@ -39,6 +39,8 @@ POLICY_COLORS = {
     "feedback-ff": "#D55E00",
     "feedback-damped": "#009E73",
     "newton": "#CC79A7",
+    "law": "#56B4E9",
+    "law-scheduled": "#E69F00",
 }
 ARM_COLORS = ("#24476B", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 HALO = (withStroke(linewidth=2.5, foreground="white"),)

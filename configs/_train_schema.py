@@ -14,6 +14,7 @@ from pydantic import Field, PrivateAttr, StrictBool, StringConstraints, model_va
 from armtempo.configs._schema import CellTitle, NonNegative, Positive, Real, _Model
 
 Share = Annotated[Real, Field(ge=0, le=1)]
+Signed = Annotated[Real, Field(ge=-1, le=1)]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Times = tuple[NonNegative, NonNegative]
 File = Annotated[str, StringConstraints(min_length=1)]
@@ -193,8 +194,8 @@ class PPOConfig(_Hyper):
     """Stop an update beyond this divergence; null: never."""
     log_std_start: Real = 0.0
     """Logarithm of the spread of the first actions."""
-    first_action: Annotated[Real, Field(ge=-1, le=1)] = 0.0
-    """Mean of the first actions: 1 is full speed."""
+    first_action: Signed | tuple[Signed, ...] = 0.0
+    """Mean of the first actions, one for each number of an action or the same for all: 1 is full speed."""
 
 
 class SACConfig(_Hyper):

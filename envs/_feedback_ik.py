@@ -36,9 +36,10 @@ def ik_cell(cell: IKCell | str | Path, action_mode: str, families: Sequence[str]
     """
     check_names(("action mode", action_mode, ACTION_MODES))
     check_names(*(("family of targets", family, TARGET_FAMILIES) for family in families))
-    if isinstance(cell, Cell | BlendCell):
+    given: object = cell
+    if isinstance(given, Cell | BlendCell):
         raise InputError(
-            f"{cell.name!r} is a {cell.config.kind} cell, and an ik cell is needed here",
+            f"{given.name!r} is a {given.config.kind} cell, and an ik cell is needed here",
             remedy="give an ik cell such as chung, or use CoordinationEnv or BlendTrackingEnv",
         )
     return cell if isinstance(cell, IKCell) else load_cell(cell, IKCell)
@@ -129,9 +130,9 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         self.simulation = IKSimulation(
             self.cell, physics=physics, action_mode=action_mode, record=record, model_error=model_error
         )
-        self.observation_space: Box
-        self.action_space: Box
-        self.observation_space, self.action_space = ik_spaces(self.cell, action_mode)
+        seen, actions = ik_spaces(self.cell, action_mode)
+        self.observation_space: Box = seen  # type: ignore[assignment]
+        self.action_space: Box = actions  # type: ignore[assignment]
 
     @property
     def trace(self) -> IKTrace:
@@ -207,7 +208,8 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         return self._observed(), float(sum(terms.values())), terminated, truncated, info
 
     def _observed(self) -> NDArray[np.float32]:
-        return observe_ik(self.cell, view_of(self.simulation))[0]
+        (observation,) = observe_ik(self.cell, view_of(self.simulation))
+        return np.asarray(observation)
 
     def _draw_extras(self, renderer: Renderer) -> None:
         """The target's axes now."""

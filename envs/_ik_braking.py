@@ -98,22 +98,27 @@ def hold_back(
     coulomb: Array,
     torque_max: Array,
     tick: float,
+    after: Array,
+    rows: Array,
 ) -> float:
     """Draw references ``joints`` (K, n) of a control period to ``braking`` (K, n) until the arm can follow, and stop.
 
     Both start from ``reference`` (3, n). ``speeds`` (L, n) go with the joints and are drawn alike; the last are those
     at the end. What speeds, accelerations and positions may be are convex sets: what is between keeps them. Returns how
     hard it can brake then; 0: as planned before, as only ``braking`` is left.
+
+    Writes what an arm does that is always on them: the reference ``after`` (3, n) it and ``rows`` (K, 3, n), as
+    ``stay_on_reference`` has them.
     """
     K, n = joints.shape
     wanted, wanted_speeds = joints.copy(), speeds.copy()
-    rows = np.empty((K, 3, n))
     share, step, best, hardness = 1.0, 1.0, 0.0, 0.0
     for _ in range(HALVINGS + 1):
         if share < 1.0:
             joints[:] = braking + share * (wanted - braking)
             speeds[:] = braking_speeds + share * (wanted_speeds - braking_speeds)
-        stay_on_reference(model, joints, reference.copy(), coulomb, torque_max, 0.0, tick, rows)
+        after[:] = reference
+        stay_on_reference(model, joints, after, coulomb, torque_max, 0.0, tick, rows)
         fits = True
         for k in range(K):
             for j in range(n):
@@ -133,4 +138,6 @@ def hold_back(
             share -= step
     joints[:] = braking + best * (wanted - braking)
     speeds[:] = braking_speeds + best * (wanted_speeds - braking_speeds)
+    after[:] = reference
+    stay_on_reference(model, joints, after, coulomb, torque_max, 0.0, tick, rows)
     return float(hardness)

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from armtempo.envs._ik_braking import hold_back
 from armtempo.envs._ik_kernels import allowed_speeds, brake, pose_errors, ramp, run_law
-from armtempo.envs._simulation import CONTROLLER_GAIN
-from armtempo.envs._tracking_kernels import stay_on_reference
 from armtempo.planners import IKCell, IKLaw, IKTargets
 from armtempo.robots import ArmModel, inlined, njit, unlocked
 
@@ -77,7 +75,7 @@ class IKEpisodes(NamedTuple):
     squares: Array
     """(E, 2) of the errors, sums over all ticks."""
     shares: Array
-    """(E, 4) of the last period, as ``sum_up`` has them."""
+    """(E, 4) as ``sum_up`` has them, 1 at most, sums over the periods of the last step."""
 
 
 @njit
@@ -93,12 +91,15 @@ def ask_period(
     joints: Array,
     asked: Array,
     speeds: Array,
+    after: Array,
+    rows: Array,
 ) -> float:
     """References ``joints`` (K, n) of a control period that the arm can follow, and how hard it can brake after it.
 
     From the positions ``q`` and speeds ``v`` (n,) of its ``reference`` (3, n), and how hard it can brake before. An
-    action (n,) of joint speeds at the period's end as shares of their caps, ``asked`` and ``speeds`` (1, n); or one (4,)
-    of gains and damping of the law, which goes by its ``targets`` from ``row`` on: they are (K, n).
+    action (n,) of joint speeds at the period's end as shares of their caps: ``asked`` and ``speeds`` are (1, n). Or one
+    (4,) of gains and damping of the law, which goes by its ``targets`` from ``row`` on: they are (K, n). ``after`` and
+    ``rows`` as ``hold_back`` writes them.
     """
     period, late = drive.period, 0.5
     if drive.by_gains:
@@ -125,7 +126,7 @@ def ask_period(
     )  # fmt: skip
     found = hold_back(
         drive.model, joints, speeds, stopping, slower, reference, drive.braking, period, drive.position_min,
-        drive.position_max, drive.coulomb, drive.torque_max, drive.tick,
+        drive.position_max, drive.coulomb, drive.torque_max, drive.tick, after, rows,
     )  # fmt: skip
     return float(found if found > 0.0 else hardness)
 
@@ -179,41 +180,49 @@ def _own(targets: IKTargets, slot: int) -> IKTargets:
 def run_ik_periods(
     drive: IKDrive,
     targets: IKTargets,
+    lasts: Integers,
     episodes: IKEpisodes,
     first: int,
     last: int,
     active: Bools,
     actions: Array,
     ticks: int,
+    hold: int,
+    limit: int,
 ) -> None:
-    """A control period of ``ticks`` of the active ones of the episodes ``first`` to ``last``, always on the reference.
+    """The active ones of the episodes ``first`` to ``last``, always on the reference, under ``actions`` (E, n or 4).
 
-    ``targets``: of all slots (S, ...). ``actions``: (E, n) or (E, 4) in [-1, 1].
+    ``hold`` control periods of ``ticks``, less where their target ends or there have been ``limit`` ticks.
+
+    ``targets``: of all slots (S, ...), and ``lasts`` (S,) how many ticks they last.
     """
     n = drive.torque_max.shape[0]
     steps = ticks if drive.by_gains else 1
-    joints, rows = np.empty((ticks, n)), np.empty((ticks, 3, n))
+    joints, rows, after = np.empty((ticks, n)), np.empty((ticks, 3, n)), np.empty((3, n))
     asked, speeds, cuts = np.empty((steps, n)), np.empty((steps, n)), np.empty(ticks)
-    tips, errors = np.empty((ticks, 3)), np.empty((ticks, 6))
+    tips, errors, shares = np.empty((ticks, 3)), np.empty((ticks, 6)), np.empty(4)
     for e in range(first, last):
         if not active[e]:
             continue
-        own = _own(targets, episodes.slot[e])
-        reference, v = episodes.reference[e], episodes.speeds[e]
-        episodes.hardness[e] = ask_period(
-            drive, actions[e], own, own.stride * episodes.tick[e], reference[2], v, reference, episodes.hardness[e],
-            joints, asked, speeds,
-        )  # fmt: skip
-        v[:] = speeds[-1]
-        stay_on_reference(
-            drive.model, joints, reference, drive.coulomb, drive.torque_max, CONTROLLER_GAIN / drive.tick, drive.tick,
-            rows,
-        )  # fmt: skip
-        begun = own.stride * (episodes.tick[e] + 1)
-        pose_errors(drive.model, joints, own.position[begun:], own.rotation[begun:], own.stride, tips, errors)
-        cut_shares(asked, speeds, drive.speed_max, cuts)
-        sum_up(errors, rows[:, 1], cuts, drive.torque_max, drive.scales, episodes.squares[e], episodes.shares[e])
-        episodes.tick[e] += ticks
+        slot = episodes.slot[e]
+        own, reference, v = _own(targets, slot), episodes.reference[e], episodes.speeds[e]
+        episodes.shares[e] = 0.0
+        for _ in range(hold):
+            tick = episodes.tick[e]
+            if tick >= min(lasts[slot], limit):
+                break
+            episodes.hardness[e] = ask_period(
+                drive, actions[e], own, own.stride * tick, reference[2], v, reference, episodes.hardness[e], joints,
+                asked, speeds, after, rows,
+            )  # fmt: skip
+            v[:], reference[:] = speeds[-1], after
+            begun = own.stride * (tick + 1)
+            pose_errors(drive.model, joints, own.position[begun:], own.rotation[begun:], own.stride, tips, errors)
+            cut_shares(asked, speeds, drive.speed_max, cuts)
+            sum_up(errors, rows[:, 1], cuts, drive.torque_max, drive.scales, episodes.squares[e], shares)
+            for k in range(4):
+                episodes.shares[e, k] += min(shares[k], 1.0)
+            episodes.tick[e] = tick + ticks
         episodes.error[e] = errors[-1]
         episodes.demand[e] = rows[-1, 2]
 

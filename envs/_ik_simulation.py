@@ -198,7 +198,7 @@ class IKSimulation:
         asked, speeds = np.empty((2, ticks if drive.by_gains else 1, n))
         self._hardness = ask_period(
             drive, action, self._targets, 2 * self._ticks, held.reference[2], self.joint_speeds, held.reference,
-            self._hardness, joints, asked, speeds,
+            self._hardness, joints, asked, speeds, np.empty((3, n)), np.empty((ticks, 3, n)),
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         cut_shares(asked, speeds, drive.speed_max, cuts)
@@ -217,26 +217,24 @@ class IKSimulation:
 
     def _start_over(self) -> None:
         """The reference goes on from where the arm is, and as fast."""
-        arm, held = self.cell.arm, self._arm
-        q, v = (
-            np.clip(held.q[0], arm.position_min, arm.position_max),
-            np.clip(held.qd[0], -arm.speed_max, arm.speed_max),
-        )
+        drive, held = self._drive, self._arm
+        q = np.clip(held.q[0], drive.position_min, drive.position_max)
+        v = np.clip(held.qd[0], -drive.speed_max, drive.speed_max)
         held.reference[:] = q - self.cell.physics_tick * np.array([[2.0], [1.0], [0.0]]) * v
         self.joint_speeds = v
-        drive = self._drive
+        period = drive.tick if drive.by_gains else drive.period
         hardness = hardest_stop(
-            arm.model, q, v, drive.braking, drive.tick if drive.by_gains else drive.period, arm.position_min,
-            arm.position_max, held.coulomb, held.torque_max,
+            drive.model, q, v, drive.braking, period, drive.position_min, drive.position_max, drive.coulomb,
+            drive.torque_max,
         )  # fmt: skip
         self._hardness = float(hardness or HARDNESS[-1])
 
     def _brake(self, joints: Array) -> Array:
         """References ``joints`` (K, n) towards a stop; their speeds (K, n)."""
-        arm, speeds = self.cell.arm, np.empty_like(joints)
+        drive, speeds = self._drive, np.empty_like(joints)
         brake(
-            self._arm.reference[2], self.joint_speeds, self.cell.physics_tick, 1.0, self._hardness * self._drive.braking,
-            arm.speed_max, arm.position_min, arm.position_max, joints, speeds,
+            self._arm.reference[2], self.joint_speeds, drive.tick, 1.0, self._hardness * drive.braking, drive.speed_max,
+            drive.position_min, drive.position_max, joints, speeds,
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         return speeds

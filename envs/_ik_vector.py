@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,7 +12,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from gymnasium.spaces import Box
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -43,8 +43,13 @@ class _TargetStore:
         self._step = step
         self.starts: Array = np.zeros((slots, joints))
         self.ticks = np.zeros(slots, dtype=np.int64)
-        self._arrays = [np.zeros((slots, 0, *shape)) for shape in ((3,), (3, 3), (3,), (3,))]
-        self.targets = IKTargets(*self._arrays, 1, step)
+        self._arrays: list[Array] = [np.zeros((slots, 0, *shape)) for shape in ((3,), (3, 3), (3,), (3,))]
+
+    @property
+    def targets(self) -> IKTargets:
+        """As the kernels read them: a row per tick."""
+        position, rotation, velocity, turning = self._arrays
+        return IKTargets(position, rotation, velocity, turning, 1, self._step)
 
     def put(self, slot: int, cell: IKCell) -> None:
         """The target and the start of ``cell``, instead of what is there."""
@@ -53,7 +58,6 @@ class _TargetStore:
         missing = rows - self._arrays[0].shape[1]
         if missing > 0:
             self._arrays = [np.pad(a, [(0, 0), (0, missing), *[(0, 0)] * (a.ndim - 2)]) for a in self._arrays]
-            self.targets = IKTargets(*self._arrays, 1, self._step)
         given = (target.position, target.rotation, target.velocity, target.angular_velocity)
         for array, values in zip(self._arrays, given, strict=True):
             array[slot, :rows] = values[::2]
@@ -80,6 +84,8 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         targets: How many are drawn beforehand; None: one for every episode.
         target_seed: Of these.
         physics: ``ideal``.
+        hold_periods: Control periods that are one step, with the same action, less at an episode's end; rewards are
+            added up. For training: what gains do to an error shows seconds later.
         max_episode_s: Time limit [s].
         autoreset_mode: ``NEXT_STEP`` or ``SAME_STEP`` of Gymnasium's ``AutoresetMode``, or its value.
         threads: How many share the episodes; None: one per core, if there are episodes enough.
@@ -100,6 +106,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         target_seed: int = 0,
         physics: Physics = "ideal",
         render_mode: str | None = None,
+        hold_periods: int = 1,
         max_episode_s: float | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
@@ -114,9 +121,10 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         self.metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
         self.single_observation_space, self.single_action_space = ik_spaces(self.cell, action_mode)
-        self.observation_space: Box = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space: Box = batch_space(self.single_action_space, self.num_envs)
-        self._limit = np.inf if max_episode_s is None else max_episode_s
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._limit = 10**9 if max_episode_s is None else math.ceil((max_episode_s - 1e-9) / self.cell.physics_tick)
+        self._hold = count_of(hold_periods, "hold_periods")
         E, n = self.num_envs, self.cell.arm.dof
         self._drive = drive_of(self.cell, by_gains=action_mode == "gains")
         self._store = self._stored(targets, target_seed)
@@ -163,12 +171,12 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
 
     def _begin(self, begun: Bools) -> tuple[Floats, dict[str, Any]]:
         episodes, store = self._episodes, self._store
-        for e in np.flatnonzero(begun):
+        for e in np.flatnonzero(begun).tolist():
             slot, family, random = e, self.family[e % len(self.family)], self._generators[e]
             if not self._drawn_before:
                 store.put(slot, draw_target(self.cell, family, random))
             else:
-                slot = random.integers(len(store.ticks)) if len(store.ticks) > 1 else 0
+                slot = int(random.integers(len(store.ticks)))
             episodes.slot[e], episodes.tick[e] = slot, 0
             episodes.reference[e], episodes.hardness[e] = store.starts[slot], 1.0
             for array in (episodes.speeds, episodes.demand, episodes.squares, episodes.shares):
@@ -202,15 +210,15 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
             ActionError: The actions are not (E, n) finite numbers, (E, 4) of ``gains``.
         """
         again = self._over.copy()
-        self._run(read_many(actions, self.action_space.shape), ~again)
+        self._run(read_many(actions, self.action_space.shape or ()), ~again)
         episodes, cell = self._episodes, self.cell
         duration = self._store.ticks[episodes.slot] * cell.physics_tick
         rewards = np.zeros(self.num_envs)
         for weight, share in zip(REWARD_WEIGHTS.values(), episodes.shares.T, strict=True):
-            rewards += weight * (-np.minimum(share, 1.0) * cell.control_period / duration)
+            rewards += weight * (-share * cell.control_period / duration)
         rewards[again] = 0.0
         terminated = ~again & (episodes.tick >= self._store.ticks[episodes.slot])
-        truncated = ~again & ~terminated & (episodes.tick * cell.physics_tick >= self._limit - 1e-9)
+        truncated = ~again & ~terminated & (episodes.tick >= self._limit)
         self._over = terminated | truncated
         infos: dict[str, Any] = {}
         observations = self._observed(~again)
@@ -230,8 +238,8 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
     def _run(self, actions: Array, active: Bools) -> None:
         def part(first: int, last: int) -> None:
             run_ik_periods(
-                self._drive, self._store.targets, self._episodes, first, last, active, actions,
-                self.cell.ticks_per_period,
+                self._drive, self._store.targets, self._store.ticks, self._episodes, first, last, active, actions,
+                self.cell.ticks_per_period, self._hold, self._limit,
             )  # fmt: skip
 
         others = [] if self._pool is None else [self._pool.submit(part, *chunk) for chunk in self._chunks[1:]]

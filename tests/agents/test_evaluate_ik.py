@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from armtempo.agents import IK_POLICIES, IKEvaluation, evaluate, evaluate_ik, ik_policy
+from armtempo.agents import IK_POLICIES, IKEvaluation, action_mode_of, evaluate, evaluate_ik, ik_policy
 from armtempo.envs import FeedbackIKEnv
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import BlendCell, IKCell
@@ -105,6 +105,15 @@ def test_policies_meet_the_same_random_targets(chung: IKCell) -> None:
     assert again["random"].reward == results["random"].reward
 
 
+def test_the_law_at_every_tick_and_its_gains_scheduled(evaluation: IKEvaluation, chung: IKCell) -> None:
+    """On the given target both are Euler's run; out of reach, scheduled gains keep the orientation."""
+    for name in ("law", "law-scheduled"):
+        assert evaluation.results[name].position_error_max_m == pytest.approx(3.04e-6, abs=2e-8)
+    found = evaluate_ik(chung, ("law", "law-scheduled"), family="partly-unreachable", seed=1, physics="ideal").results
+    assert found["law-scheduled"].orientation_error_rms_rad < 0.5 * found["law"].orientation_error_rms_rad
+    assert found["law-scheduled"].reward > found["law"].reward + 0.1
+
+
 def test_results_are_numbers_with_units(evaluation: IKEvaluation) -> None:
     from armtempo.commands._output import plain
 
@@ -132,7 +141,7 @@ def test_wrong_requests_are_refused(chung: IKCell, lee2006: BlendCell) -> None:
 def test_policies_act_anew_in_another_cell(chung: IKCell, name: str) -> None:
     """What a policy keeps of one target does not leak into the next."""
     policy, fresh = ik_policy(name), ik_policy(name)
-    env = FeedbackIKEnv(chung, family="smooth", physics="ideal")
+    env = FeedbackIKEnv(chung, action_mode=action_mode_of(name), family="smooth", physics="ideal")
     observation, _ = env.reset(seed=1)
     policy.act(observation, env)
     observation, _ = env.reset(seed=2)

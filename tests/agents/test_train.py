@@ -48,6 +48,10 @@ sac: {learning_starts: 40, batch_size: 32, buffer_size: 250}
 TQC = SAC.replace("sac", "tqc")
 ALL, LAST = "coordination: {cells: [lee1991], learners: all}", "coordination: {cells: [lee1991]}"
 ONE_ARM = "feedback_ik: {cell: chung, families: [smooth, near-singular], physics: bullet}"
+GAINS = """
+feedback_ik:
+  {cell: chung, families: [smooth, near-singular], action_mode: gains, targets: 3, hold_periods: 5, reward_scale: 20}
+"""
 DRAWN = """
 coordination:
   {cells: [lee1991], shield: true, start_phase: [0, 0.3], undisturbed_share: 0.5, undisturbed_until: 0.6,
@@ -57,6 +61,7 @@ CASES = [
     pytest.param(PPO, DRAWN, 640, id="ppo, draws that widen"),
     pytest.param(PPO, ALL, 640, id="ppo, all arms"),
     pytest.param(SAC, LAST, 240, id="sac, last arm"),
+    pytest.param(PPO, GAINS, 640, id="ppo, gains"),
     pytest.param(TQC, LAST, 240, id="tqc, last arm", marks=pytest.mark.slow),
     pytest.param(SAC, ONE_ARM, 240, id="sac, one arm in bullet", marks=pytest.mark.slow),
 ]
@@ -169,15 +174,32 @@ def test_environments_take_the_families_in_turn(tmp_path: Path, monkeypatch: pyt
         drawn.append(family)
         return draw_target(cell, family, random)
 
-    monkeypatch.setattr("armtempo.envs._feedback_ik.draw_target", recorded)
+    for module in ("_feedback_ik", "_ik_vector"):
+        monkeypatch.setattr(f"armtempo.envs.{module}.draw_target", recorded)
     one_update = """
 algorithm: ppo
 total_steps: 8
 evaluation: {episodes: 0}
 ppo: {rollout_steps: 4, batch_size: 8, epochs: 1}
 """
-    train(config(tmp_path, one_update, ONE_ARM.replace("bullet", "ideal")), tmp_path / "out")
+    train(config(tmp_path, one_update, ONE_ARM), tmp_path / "out")
     assert drawn[:2] == ["smooth", "near-singular"]
+    drawn.clear()
+    train(config(tmp_path, one_update, GAINS), tmp_path / "many")
+    assert drawn == ["smooth", "near-singular", "smooth"]  # beforehand
+
+
+def test_first_actions_are_those_of_the_file(tmp_path: Path) -> None:
+    several = """
+algorithm: ppo
+total_steps: 8
+evaluation: {episodes: 0}
+ppo: {rollout_steps: 4, batch_size: 8, epochs: 1, learning_rate: 1.0e-9, first_action: [0.5, -0.25, 0.0, 1.0]}
+"""
+    trained = train(config(tmp_path, several, GAINS), tmp_path / "out")
+    np.testing.assert_allclose(trained.agent.layers[-1][1], [0.5, -0.25, 0.0, 1.0], atol=1e-6)
+    with pytest.raises(InputError, match="4 numbers, and an action has 1"):
+        train(config(tmp_path, several, LAST), tmp_path / "other")
 
 
 def test_a_folder_is_not_overwritten_nor_resumed_with_something_else(trained: Training) -> None:

@@ -1,4 +1,4 @@
-"""FeedbackIK's vector as SB3 sees it: Monitor's returns, held actions, exact continuation."""
+"""FeedbackIK's vector as SB3 sees it: Monitor's returns, exact continuation."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ pytestmark = pytest.mark.rl
 OPTIONS: dict[str, Any] = {"action_mode": "gains", "family": "smooth", "max_episode_s": 0.3}
 
 
-def vector(cell: IKCell, count: int, *, scale: float = 1.0, hold: int = 1, **options: Any) -> VectorVecEnv:
+def vector(cell: IKCell, count: int, *, scale: float = 1.0, **options: Any) -> VectorVecEnv:
     made = FeedbackIKVectorEnv(count, cell, autoreset_mode=AutoresetMode.SAME_STEP, **{**OPTIONS, **options})
-    return VectorVecEnv(made, scale, hold)
+    return VectorVecEnv(made, scale)
 
 
 def steps(env: Any, count: int, seed: int = 5) -> list[Any]:
@@ -55,26 +55,19 @@ def test_it_is_stable_baselines_own_vector_of_single_ones(chung: IKCell) -> None
     assert ended == 6
 
 
-def test_a_held_action_earns_what_its_periods_do(chung: IKCell) -> None:
-    plain, held = vector(chung, 2, targets=2), vector(chung, 2, targets=2, scale=10.0, hold=8)
-    for env in (plain, held):
+def test_what_is_learnt_from_is_scaled_and_what_is_told_is_not(chung: IKCell) -> None:
+    plain, scaled = vector(chung, 2, targets=2), vector(chung, 2, targets=2, scale=16.0)
+    for env in (plain, scaled):
         env.seed(2)
         env.reset()
-    random = np.random.default_rng(0)
-    for k in range(4):  # 30 periods an episode: the fourth ends it after six
-        action = random.uniform(-1.0, 1.0, (2, 4)).astype(np.float32)
-        several = [plain.step(action) for _ in range(8)]
-        seen, rewards, dones, infos = held.step(action)
-        np.testing.assert_array_equal(seen, several[-1][0])
-        counted = several if k < 3 else several[:6]
-        np.testing.assert_allclose(rewards, 10.0 * sum(np.asarray(one[1]) for one in counted), rtol=1e-5)
-        assert dones.all() == (k == 3)
-    assert infos[0]["episode"]["l"] == 4
-    np.testing.assert_array_equal(infos[1]["terminal_observation"], several[5][3][1]["terminal_observation"])
+    for one, other in zip(steps(plain, 30), steps(scaled, 30), strict=True):
+        np.testing.assert_array_equal(16.0 * np.asarray(one[1]), other[1])
+    assert one[2].all()
+    assert one[3][0]["episode"]["r"] == other[3][0]["episode"]["r"] < 0.0
 
 
 def test_it_goes_on_from_its_state_to_the_last_bit(chung: IKCell) -> None:
-    env, other = (vector(chung, 4, targets=3, hold=7) for _ in range(2))
+    env, other = (vector(chung, 4, targets=3, hold_periods=7) for _ in range(2))
     env.seed(1)
     env.reset()
     steps(env, 6)
@@ -89,7 +82,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(chung: IKCell) -> None:
 
 
 def test_ppo_learns_on_it_and_the_other_autoreset_is_refused(chung: IKCell) -> None:
-    env = vector(chung, 8, targets=2, hold=5)
+    env = vector(chung, 8, targets=2, hold_periods=5)
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=64, n_epochs=1, seed=0, device="cpu")
     model.learn(256)
     assert model.ep_info_buffer

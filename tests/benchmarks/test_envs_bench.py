@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -16,6 +17,7 @@ from armtempo.envs import (
     BlendTrackingEnv,
     CoordinationEnv,
     FeedbackIKEnv,
+    FeedbackIKVectorEnv,
     Physics,
     YieldingEnv,
 )
@@ -30,6 +32,8 @@ IDEAL_RATIO = 10.0
 STEPS_PER_S = {"bullet": 500.0, "ideal": 5000.0}  # on a machine that does other things too
 BLEND_STEPS_PER_S = {"bullet": 400.0, "ideal": 1200.0}  # likewise; 10 ticks each
 IK_STEPS_PER_S = {("bullet", "speeds"): 250.0, ("ideal", "speeds"): 600.0, ("ideal", "gains"): 250.0}  # 10 ticks each
+IK_MANY = ((1, 1), (2, 1), (2, 20))  # threads and periods that an action is held
+IK_RATIO = 4.0  # of the last to one environment alone
 ACTION = np.array([0.2], dtype=np.float32)
 LATE = 0.1  # so that whole episodes run without a violation
 
@@ -170,6 +174,42 @@ def test_ideal_against_bullet(lee1991: Cell, capsys: pytest.CaptureFixture[str])
     finally:
         bullet.close()
         ideal.close()
+
+
+def test_ik_batch(chung: IKCell, capsys: pytest.CaptureFixture[str]) -> None:
+    """64 episodes of ``gains`` past what is hard; rounds in turns, best of many."""
+    options: dict[str, Any] = {"action_mode": "gains", "family": ("near-singular", "partly-unreachable")}
+    single = FeedbackIKEnv(chung, physics="ideal", action_mode="gains", family="partly-unreachable")
+    many = [FeedbackIKVectorEnv(64, chung, targets=8, threads=n, hold_periods=h, **options) for n, h in IK_MANY]
+    for env in many:
+        env.reset(seed=0)
+    random = np.random.default_rng(0)
+
+    def of_many(env: FeedbackIKVectorEnv, hold: int) -> float:
+        actions = random.uniform(-1.0, 1.0, (64, 4))
+        began = time.perf_counter()
+        for _ in range(20 // hold):
+            env.step(actions)
+        return 64 * 20 / (time.perf_counter() - began)
+
+    def of_one() -> float:
+        single.reset(seed=0)
+        began = time.perf_counter()
+        for action in random.uniform(-1.0, 1.0, (200, 4)).astype(np.float32):
+            single.step(action)
+        return 200 / (time.perf_counter() - began)
+
+    rounds = [[of_one(), *(of_many(env, h) for env, (_, h) in zip(many, IK_MANY, strict=True))] for _ in range(12)]
+    rates = np.max(rounds, axis=0)
+    with capsys.disabled():
+        print(  # noqa: T201
+            f"\n64 episodes of gains: {rates[1]:.0f} control periods/s on one core, {rates[2]:.0f} on two, "
+            f"{rates[3]:.0f} with actions held for 20; single {rates[0]:.0f}"
+        )
+    assert rates[3] >= IK_RATIO * rates[0]
+    single.close()
+    for env in many:
+        env.close()
 
 
 def _agent_steps_per_second(simulation: BatchSimulation, steps: int) -> float:

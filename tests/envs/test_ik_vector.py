@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -33,13 +34,8 @@ def test_it_has_the_bits_of_gymnasiums_own_vector(chung: IKCell, mode: ActionMod
         "armtempo/FeedbackIK-v0", num_envs=count, vectorization_mode="vector_entry_point", cell=chung, family=FAMILIES,
         autoreset_mode=autoreset, threads=3, **options,
     )  # fmt: skip
-    wanted = gymnasium.vector.SyncVectorEnv(
-        [
-            lambda family=FAMILIES[k % 2]: FeedbackIKEnv(chung, physics="ideal", family=family, **options)
-            for k in range(count)
-        ],
-        autoreset_mode=autoreset,
-    )
+    singles = [partial(FeedbackIKEnv, chung, physics="ideal", family=FAMILIES[k % 2], **options) for k in range(count)]
+    wanted = gymnasium.vector.SyncVectorEnv(singles, autoreset_mode=autoreset)
     assert isinstance(many, FeedbackIKVectorEnv)
     assert many.observation_space == wanted.observation_space
     assert many.action_space == wanted.action_space
@@ -58,10 +54,10 @@ def test_it_has_the_bits_of_gymnasiums_own_vector(chung: IKCell, mode: ActionMod
         ended += int(over.sum())
         if over.any():
             same = autoreset == AutoresetMode.SAME_STEP
-            ours, theirs = (infos["final_info"] if same else infos for infos in (found[4], expected[4]))
+            mine, others = (infos["final_info"] if same else infos for infos in (found[4], expected[4]))
             for name in ("is_success", "position_error_rms_mm", "orientation_error_rms_rad"):
-                np.testing.assert_array_equal(ours[f"_{name}"], over)
-                np.testing.assert_array_equal(ours[name][over], theirs[name][over])
+                np.testing.assert_array_equal(mine[f"_{name}"], over)
+                np.testing.assert_array_equal(mine[name][over], others[name][over])
         if over.any() and autoreset == AutoresetMode.SAME_STEP:
             for e in np.flatnonzero(over):
                 np.testing.assert_array_equal(found[4]["final_obs"][e], expected[4]["final_obs"][e])
@@ -98,6 +94,25 @@ def test_to_the_targets_end(chung: IKCell) -> None:
         total += reward
     assert returns[1] == total
     assert -1.5 < returns[1] < -0.1 < returns[0]
+
+
+@pytest.mark.parametrize("mode", ACTION_MODES)
+def test_a_held_action_earns_what_its_periods_do(chung: IKCell, mode: ActionMode) -> None:
+    """30 periods an episode, held for 8: the fourth step ends it after 6."""
+    options: dict[str, Any] = {"action_mode": mode, "family": FAMILIES, "targets": 2, "max_episode_s": 0.3}
+    plain, held = (FeedbackIKVectorEnv(2, chung, hold_periods=hold, **options) for hold in (1, 8))
+    np.testing.assert_array_equal(plain.reset(seed=2)[0], held.reset(seed=2)[0])
+    random = np.random.default_rng(0)
+    for periods in (8, 8, 8, 6):
+        given = actions(plain, mode, random)
+        several = [plain.step(given) for _ in range(periods)]
+        seen, rewards, terminated, truncated, infos = held.step(given)
+        np.testing.assert_array_equal(seen, several[-1][0])
+        np.testing.assert_allclose(rewards, sum(one[1] for one in several), rtol=1e-12)
+        np.testing.assert_array_equal(truncated, [periods == 6] * 2)
+        assert not terminated.any()
+    for name in ("position_error_rms_mm", "orientation_error_rms_rad"):
+        np.testing.assert_array_equal(infos[name], several[-1][4][name])
 
 
 def test_targets_drawn_beforehand_are_taken_at_random_and_no_others(chung: IKCell) -> None:
@@ -155,7 +170,7 @@ def test_input_errors(chung: IKCell, lee1991: Cell) -> None:
         gymnasium.make_vec("armtempo/FeedbackIK-v0", num_envs=2, cell=chung, physics="bullet")
     with pytest.raises(InputError, match="autoreset_mode"):
         FeedbackIKVectorEnv(2, chung, autoreset_mode="Disabled")
-    for name, wrong in {"num_envs": 0, "targets": 0, "max_episode_s": 0.0}.items():
+    for name, wrong in {"num_envs": 0, "targets": 0, "hold_periods": 0, "max_episode_s": 0.0}.items():
         with pytest.raises(InputError, match=name):
             FeedbackIKVectorEnv(**{"num_envs": 2, "cell": chung, name: wrong})  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="family"):
