@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.planners import IKLaw, IKTargets, law_at
+from armtempo.planners import IKLaw, IKTargets, law_scratch, law_within
 from armtempo.robots import ArmModel, kernels, njit
 
 Array = NDArray[np.float64]
@@ -78,9 +78,10 @@ def run_law(
 
     All (K, n): positions ``joints`` after each tick, speeds ``asked`` for and ``speeds`` that limits allow.
     """
+    scratch = law_scratch(q.shape[0], law.task.shape[0])
     for k in range(joints.shape[0]):
         here, before = (joints[k - 1], speeds[k - 1]) if k else (q, v)
-        law_at(model, law, here, targets, row + targets.stride * k, asked[k])
+        law_within(model, law, here, targets, row + targets.stride * k, scratch, asked[k])
         allowed_speeds(
             here, before, asked[k], targets.step, 1.0, law.speed_max, acceleration_max, law.position_min,
             law.position_max, speeds[k],

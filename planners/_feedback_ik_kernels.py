@@ -28,6 +28,7 @@ __all__ = [
     "asked",
     "inverse",
     "law_at",
+    "law_within",
     "scaled",
     "scratch",
     "tip_and_jacobian",
@@ -106,6 +107,8 @@ class Scratch(NamedTuple):
     before: Floats
     """(6, n) the Jacobian at a step's start."""
     free: NDArray[np.bool_]
+    rate: Floats
+    """(n,) joint speeds towards the posture."""
 
 
 @njit
@@ -126,6 +129,7 @@ def scratch(n: int, m: int) -> Scratch:
         np.empty(6),
         np.empty((6, n)),
         np.empty(n, dtype=np.bool_),
+        np.empty(n),
     )
 
 
@@ -547,9 +551,14 @@ def _posture(law: Law, q: Floats, rate: Floats) -> None:
 @njit
 def law_at(model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, qd: Floats) -> int:
     """The law once: joint speeds at q for row ``at`` of the targets, into qd (n,); flags."""
-    w, rate = scratch(q.shape[0], law.task.shape[0]), np.zeros(q.shape[0])
-    _posture(law, q, rate)
-    return int(_law(model, law, q, targets, at, w, rate, qd))
+    return int(law_within(model, law, q, targets, at, scratch(q.shape[0], law.task.shape[0]), qd))
+
+
+@njit
+def law_within(model: ArmModel, law: Law, q: Floats, targets: Targets, at: int, w: Scratch, qd: Floats) -> int:
+    """``law_at`` for who calls it often and has made the ``scratch`` once."""
+    _posture(law, q, w.rate)
+    return int(_law(model, law, q, targets, at, w, w.rate, qd))
 
 
 @njit
