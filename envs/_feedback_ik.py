@@ -35,6 +35,8 @@ def ik_cell(cell: IKCell | str | Path, action_mode: str, families: Sequence[str]
         InputError: It is of another kind.
     """
     check_names(("action mode", action_mode, ACTION_MODES))
+    if not families:
+        raise InputError("there is no family of targets", remedy=f"give some of {', '.join(TARGET_FAMILIES)}")
     check_names(*(("family of targets", family, TARGET_FAMILIES) for family in families))
     given: object = cell
     if isinstance(given, Cell | BlendCell):

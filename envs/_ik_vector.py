@@ -24,9 +24,9 @@ from armtempo.envs._ik_observation import AHEAD, IKView, observe_ik
 from armtempo.envs._ik_periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
 from armtempo.envs._ik_simulation import ActionMode
 from armtempo.envs._simulation import Physics
-from armtempo.envs._single_arm import check_time_limit
+from armtempo.envs._single_arm import check_names, check_time_limit
 from armtempo.envs._vector import autoreset_of, check_ideal, count_of, read_many
-from armtempo.errors import InputError
+from armtempo.errors import ActionError, InputError
 from armtempo.planners import IKCell, IKTargets, TargetFamilyName, draw_target
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
             np.zeros((E, 6)), np.zeros((E, n)), np.zeros((E, 2)), np.zeros((E, 4)),
         )  # fmt: skip
         self._ahead: Array = np.zeros((E, len(AHEAD), 6))
-        self._over = np.zeros(E, dtype=np.bool_)
+        self._over, self._begun = np.zeros(E, dtype=np.bool_), False
         self._generators = [seeding.np_random(None)[0] for _ in range(E)]
         count = max(1, min(os.cpu_count() or 1, E // PER_THREAD)) if threads is None else threads
         self._chunks = list(pairwise(np.linspace(0, E, count + 1).astype(int).tolist()))
@@ -157,13 +157,22 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
 
         Args:
             seed: Environment k gets ``seed + k``, or a sequence of seeds.
-            options: May give ``reset_mask`` (E,), which environments.
+            options: May give ``reset_mask`` (E,), which environments; the first time it is all of them.
+
+        Raises:
+            UnknownNameError: No such option.
+            InputError: The mask, or seeds, are not one for each environment.
         """
+        check_names(*(("reset option", name, ("reset_mask",)) for name in options or ()))
         mask = (options or {}).get("reset_mask")
         if mask is not None and not (isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,) and mask.any()):
             raise InputError("reset_mask must be an array of truth values, one per environment, not all False")
-        begun = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.astype(np.bool_)
+        everybody = np.ones(self.num_envs, dtype=np.bool_)
+        begun = everybody if mask is None or not self._begun else mask.astype(np.bool_)
+        self._begun = True
         if seed is not None:
+            if isinstance(seed, int | np.integer):
+                self._np_random, self._np_random_seed = seeding.np_random(int(seed))
             for e, one in enumerate(spread(seed, self.num_envs)):
                 if begun[e]:
                     self._generators[e] = seeding.np_random(one)[0]
@@ -204,11 +213,13 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         ))  # fmt: skip
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Array, Bools, Bools, dict[str, Any]]:
-        """Run one control period; environments whose episode was over begin anew instead (``NEXT_STEP``).
+        """Run ``hold_periods``; environments whose episode was over begin anew instead (``NEXT_STEP``).
 
         Raises:
-            ActionError: The actions are not (E, n) finite numbers, (E, 4) of ``gains``.
+            ActionError: The actions are not (E, n) finite numbers, (E, 4) of ``gains``, or nothing was reset yet.
         """
+        if not self._begun:
+            raise ActionError("no episode has begun", remedy="call reset before step")
         again = self._over.copy()
         self._run(read_many(actions, self.action_space.shape or ()), ~again)
         episodes, cell = self._episodes, self.cell
@@ -285,6 +296,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
                 )
         for name, array in own.items():
             array[...] = state[name]
+        self._begun = True
         for one, drawn in zip(self._generators, json.loads(state["random"].tobytes()), strict=True):
             one.bit_generator.state = drawn
 

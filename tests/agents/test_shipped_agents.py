@@ -11,9 +11,9 @@ import pytest
 from armtempo.agents import ExecutionPolicy, compare_on, evaluate, find_agent, learned_policy, run_episode
 from armtempo.configs import load_train_config, parse_train_config
 from armtempo.envs import CoordinationEnv, Physics
-from armtempo.planners import BlendCell, benchmark_instances, execution_of, load_cell, schedule
+from armtempo.planners import BlendCell, IKCell, benchmark_instances, execution_of, load_cell, schedule
 
-NAMES = ("ppo:lee1991", "ppo:blend-tracking", "ppo:generalist")
+NAMES = ("ppo:lee1991", "ppo:mixed-priority", "ppo:generalist", "ppo:blend-tracking", "ppo:feedback-ik")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -52,6 +52,24 @@ def test_lee1991_collides_with_nobody_whatever_is_drawn(physics: Physics, episod
     env.close()
 
 
+def test_both_arms_of_mixed_priority_ask_for_what_the_shield_would_let_them_have() -> None:
+    """As quick as full speed held by the shield, which changes a quarter of what full speed asks for."""
+    cell = load_cell("mixed-priority")
+    policies = ("vci", "phase-plane", "ppo:mixed-priority")
+    for disturbance, episodes, most in ((None, 1, 1.003), ("stop-and-go", 10, 1.01)):
+        found = evaluate(
+            cell, policies, physics="ideal", shield=True, disturbance=disturbance, episodes=episodes
+        ).results
+        vci, full, agent = (found[name] for name in policies)
+        assert agent.makespan_s is not None
+        assert vci.makespan_s is not None
+        assert agent.makespan_s < most * vci.makespan_s
+        assert agent.violations == 0
+        assert agent.interventions is not None
+        assert full.interventions is not None
+        assert agent.interventions < 0.1 < full.interventions
+
+
 def test_the_generalist_beats_the_best_classical_policy_in_cells_it_has_not_seen() -> None:
     """Behind an arm that is late, slow or stops; the bench asks for all cells of the split."""
     known = set(find_agent("ppo:generalist").header.cells)
@@ -75,3 +93,14 @@ def test_the_feed_rate_agent_is_as_good_as_the_best_baseline() -> None:
     rewards = {name: one.reward for name, one in result.results.items()}
     assert rewards["ppo:blend-tracking"] > rewards["line-speed"] - 0.01
     assert rewards["ppo:blend-tracking"] > rewards["constant"] + 0.5
+
+
+def test_gains_of_the_agent_follow_targets_out_of_reach_better_than_the_cells() -> None:
+    """Targets that it has not seen: the training draws by its own seed."""
+    cell, names = load_cell("chung", IKCell), ("law", "ppo:feedback-ik")
+    far = evaluate(cell, names, physics="ideal", family="partly-unreachable", episodes=4, seed=500).results
+    law, agent = (far[name] for name in names)
+    assert agent.reward > law.reward + 0.1
+    assert agent.orientation_error_rms_rad < 0.7 * law.orientation_error_rms_rad
+    near = evaluate(cell, names[1], physics="ideal", family="near-singular", episodes=3, seed=500).results
+    assert near[names[1]].succeeded == 3
