@@ -8,7 +8,7 @@
 ``law-scheduled``    that with two sets of gains: softer, damped and more for the orientation while the tip is off
 ``random``           uniform actions
 
-The last two are for environments of ``gains``, the others for ``speeds``.
+``law`` and ``law-scheduled`` are for environments of ``gains``, ``random`` is for both, the others for ``speeds``.
 
 A decision holds for a control period, and speeds change linearly over it. Each is therefore taken for its end: the law
 at the place that the present speeds lead to, Newton's step from where the arm could have come to rest. Errors are those

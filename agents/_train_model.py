@@ -51,14 +51,13 @@ def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any]) -> Any:
         **common,
     )
     bias = model.policy.action_net.bias
-    first = torch.tensor(h.first_action)
-    if first.ndim and first.shape != bias.shape:
+    if len(h.first_action) not in (1, len(bias)):
         raise InputError(
-            f"ppo.first_action has {len(first)} numbers, and an action has {len(bias)}",
+            f"ppo.first_action has {len(h.first_action)} numbers, and an action has {len(bias)}",
             remedy="give one for each, or a single number",
         )
     with torch.no_grad():
-        bias.copy_(first)
+        bias.copy_(torch.tensor(h.first_action))
     return model
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PrivateAttr, StrictBool, StringConstraints, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, StrictBool, StringConstraints, model_validator
 
 from armtempo.configs._schema import CellTitle, NonNegative, Positive, Real, _Model
 
@@ -18,6 +18,11 @@ Signed = Annotated[Real, Field(ge=-1, le=1)]
 Count = Annotated[int, Field(ge=1, strict=True)]
 Times = tuple[NonNegative, NonNegative]
 File = Annotated[str, StringConstraints(min_length=1)]
+
+
+def _listed(value: object) -> object:
+    """A number as a list of one."""
+    return (value,) if isinstance(value, int | float) else value
 
 
 class BenchmarkFilter(_Model):
@@ -131,7 +136,7 @@ class IKTraining(_Model):
     families: Annotated[
         tuple[Literal["given", "smooth", "near-singular", "partly-unreachable"], ...], Field(min_length=1)
     ] = ("given",)
-    """Targets: the given one, or drawn for every episode; environments take them in turn."""
+    """Targets: the given one, or drawn. In ``ideal`` the ``targets`` take them in turn, else the environments do."""
     action_mode: Literal["speeds", "gains"] = "gains"
     """What an action means: joint speeds, or the gains of the paper's law."""
     physics: Literal["ideal", "bullet"] = "ideal"
@@ -148,8 +153,11 @@ class IKTraining(_Model):
 
     @model_validator(mode="after")
     def _ideal(self) -> Self:
-        if self.physics == "bullet" and self.hold_periods > 1:
-            raise ValueError("hold_periods: needs physics: ideal")
+        for key in ("targets", "hold_periods"):
+            if self.physics == "bullet" and key in self.model_fields_set:
+                raise ValueError(f"{key}: needs physics: ideal")
+        if self.targets < len(self.families):
+            raise ValueError(f"targets: must be {len(self.families)} at least, one for each of the families")
         return self
 
 
@@ -175,7 +183,7 @@ class PPOConfig(_Hyper):
     """Proximal policy optimisation, as in stable-baselines3."""
 
     rollout_steps: Count = 128
-    """Control periods of every environment between two updates."""
+    """Steps of every environment between two updates."""
     batch_size: Annotated[int, Field(ge=2, strict=True)] = 4096
     """Agent steps per gradient step."""
     epochs: Count = 10
@@ -194,8 +202,8 @@ class PPOConfig(_Hyper):
     """Stop an update beyond this divergence; null: never."""
     log_std_start: Real = 0.0
     """Logarithm of the spread of the first actions."""
-    first_action: Signed | tuple[Signed, ...] = 0.0
-    """Mean of the first actions, one for each number of an action or the same for all: 1 is full speed."""
+    first_action: Annotated[tuple[Signed, ...], BeforeValidator(_listed), Field(min_length=1)] = (0.0,)
+    """Mean of the first actions, one number for all or a list with one for each: 1 is full speed."""
 
 
 class SACConfig(_Hyper):
@@ -210,7 +218,7 @@ class SACConfig(_Hyper):
     tau: Annotated[Real, Field(gt=0, le=1)] = 0.005
     """How fast target networks follow."""
     train_every: Count = 1
-    """Control periods between two updates."""
+    """Steps of every environment between two updates."""
     gradient_steps: Count = 1
     """Gradient steps per update."""
     entropy: Positive | None = None

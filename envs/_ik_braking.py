@@ -107,8 +107,8 @@ def hold_back(
     at the end. What speeds, accelerations and positions may be are convex sets: what is between keeps them. Returns how
     hard it can brake then; 0: as planned before, as only ``braking`` is left.
 
-    Writes what an arm does that is always on them: the reference ``after`` (3, n) it and ``rows`` (K, 3, n), as
-    ``stay_on_reference`` has them.
+    Also writes, for an arm that is always on its reference, ``after`` (3, n), the reference at the period's end, and
+    ``rows`` (K, 3, n) as ``stay_on_reference`` has them.
     """
     K, n = joints.shape
     wanted, wanted_speeds = joints.copy(), speeds.copy()

@@ -115,14 +115,14 @@ class IKSimulation:
             raise UnknownNameError("action mode", str(action_mode), ACTION_MODES)
         self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
         self._drive = drive_of(cell, by_gains=action_mode == "gains")
-        self.physics, self.record, self.action_mode = physics, record, action_mode
+        self.physics, self.record = physics, record
         self._scene = self._arm.scene
         self.reset(cell)
 
     def reset(self, cell: IKCell) -> None:
         """To the start of ``cell`` (the arm is the same), at rest."""
         self.cell, arm = cell, cell.arm
-        self._hardness = 1.0  # share of these at which it can stop
+        self._hardness = 1.0  # share of the braking accelerations at which it can stop
         target = cell.target  # copied, so not read-only: the law is compiled for one kind of arrays
         self._targets = IKTargets(
             target.position.copy(), target.rotation.copy(), target.velocity.copy(), target.angular_velocity.copy(), 2,

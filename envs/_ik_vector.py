@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -34,6 +34,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float32]
 
 PER_THREAD = 4  # episodes that are worth a thread
+FOREVER = 1e9  # ticks
 
 
 class _TargetStore:
@@ -123,7 +124,8 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         self.single_observation_space, self.single_action_space = ik_spaces(self.cell, action_mode)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._limit = 10**9 if max_episode_s is None else math.ceil((max_episode_s - 1e-9) / self.cell.physics_tick)
+        longest = FOREVER if max_episode_s is None else (max_episode_s - 1e-9) / self.cell.physics_tick
+        self._limit = math.ceil(min(max(longest, 1.0), FOREVER))
         self._hold = count_of(hold_periods, "hold_periods")
         E, n = self.num_envs, self.cell.arm.dof
         self._drive = drive_of(self.cell, by_gains=action_mode == "gains")
@@ -135,7 +137,8 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         self._ahead: Array = np.zeros((E, len(AHEAD), 6))
         self._over, self._begun = np.zeros(E, dtype=np.bool_), False
         self._generators = [seeding.np_random(None)[0] for _ in range(E)]
-        count = max(1, min(os.cpu_count() or 1, E // PER_THREAD)) if threads is None else threads
+        fitting = max(1, min(os.cpu_count() or 1, E // PER_THREAD))
+        count = fitting if threads is None else min(count_of(threads, "threads"), E)
         self._chunks = list(pairwise(np.linspace(0, E, count + 1).astype(int).tolist()))
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
 
@@ -143,6 +146,10 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         """All targets that are drawn beforehand; or room for one per episode."""
         cell, given = self.cell, set(self.family) == {"given"}
         count = count_of(targets, "targets") if targets is not None else self.num_envs
+        if not (isinstance(seed, int | np.integer) and seed >= 0):
+            raise InputError(f"target_seed must be a whole number, 0 or more, got {seed!r}")
+        if targets is not None and count < len(self.family):
+            raise InputError(f"{count} targets for {len(self.family)} families", remedy="draw one of each at least")
         self._drawn_before = given or targets is not None
         store = _TargetStore(1 if given else count, cell.arm.dof, cell.physics_tick)
         random = np.random.default_rng(seed)
@@ -163,20 +170,25 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
             UnknownNameError: No such option.
             InputError: The mask, or seeds, are not one for each environment.
         """
-        check_names(*(("reset option", name, ("reset_mask",)) for name in options or ()))
-        mask = (options or {}).get("reset_mask")
-        if mask is not None and not (isinstance(mask, np.ndarray) and mask.shape == (self.num_envs,) and mask.any()):
+        if self.closed:
+            raise InputError("the environments are closed", remedy="make new ones")
+        given = {} if options is None else options
+        if not isinstance(given, Mapping):
+            raise InputError(f"options must map names to values, got {given!r}", remedy="known: reset_mask")
+        check_names(*(("reset option", name, ("reset_mask",)) for name in given))
+        mask = given.get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
+        if not (isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()):
             raise InputError("reset_mask must be an array of truth values, one per environment, not all False")
-        everybody = np.ones(self.num_envs, dtype=np.bool_)
-        begun = everybody if mask is None or not self._begun else mask.astype(np.bool_)
+        begun = mask if self._begun else np.ones(self.num_envs, dtype=np.bool_)
+        seeds = spread(seed, self.num_envs)
+        if isinstance(seed, int | np.integer):
+            self._np_random, self._np_random_seed = seeding.np_random(int(seed))
+        for e in np.flatnonzero(begun).tolist():
+            if seeds[e] is not None:
+                self._generators[e] = seeding.np_random(seeds[e])[0]
+        answer = self._begin(begun)
         self._begun = True
-        if seed is not None:
-            if isinstance(seed, int | np.integer):
-                self._np_random, self._np_random_seed = seeding.np_random(int(seed))
-            for e, one in enumerate(spread(seed, self.num_envs)):
-                if begun[e]:
-                    self._generators[e] = seeding.np_random(one)[0]
-        return self._begin(begun)
+        return answer
 
     def _begin(self, begun: Bools) -> tuple[Floats, dict[str, Any]]:
         episodes, store = self._episodes, self._store
@@ -218,6 +230,8 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         Raises:
             ActionError: The actions are not (E, n) finite numbers, (E, 4) of ``gains``, or nothing was reset yet.
         """
+        if self.closed:
+            raise ActionError("the environments are closed", remedy="make new ones")
         if not self._begun:
             raise ActionError("no episode has begun", remedy="call reset before step")
         again = self._over.copy()
@@ -273,32 +287,50 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         """All that changes, as arrays; ``set_state`` of environments made alike goes on from there with the same bits.
 
         Raises:
-            InputError: Targets are drawn for every episode.
+            InputError: Nothing was reset yet, or targets are drawn for every episode.
         """
-        if not self._drawn_before:
-            raise InputError("targets drawn for every episode are not saved", remedy="draw them beforehand: targets=64")
         random = json.dumps([one.bit_generator.state for one in self._generators]).encode()
-        arrays = {**self._episodes._asdict(), "ahead": self._ahead, "over": self._over}
-        return {name: array.copy() for name, array in arrays.items()} | {"random": np.frombuffer(random, np.uint8)}
+        arrays = {name: array.copy() for name, array in (self._changing() | self._constant()).items()}
+        return arrays | {"random": np.frombuffer(random, np.uint8)}
+
+    def _changing(self) -> dict[str, NDArray[Any]]:
+        if not (self._drawn_before and self._begun):
+            raise InputError(
+                "there is no state before a reset, nor where targets are drawn for every episode",
+                remedy="call reset, or draw targets beforehand: targets=64",
+            )
+        return {**self._episodes._asdict(), "ahead": self._ahead, "over": self._over}
+
+    def _constant(self) -> dict[str, NDArray[Any]]:
+        """What tells these environments from others."""
+        by_gains = np.array([self._drive.by_gains])
+        return {"starts": self._store.starts, "ticks": self._store.ticks, "by_gains": by_gains}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from ``get_state``.
+        """Go on from ``get_state``, after a reset.
 
         Raises:
-            InputError: It is the state of other environments.
+            InputError: It is the state of other environments, or these have none.
         """
-        own = {**self._episodes._asdict(), "ahead": self._ahead, "over": self._over}
-        for name, array in own.items():
+        own = self._changing()
+        for name, array in (own | self._constant()).items():
             if name not in state or state[name].shape != array.shape or state[name].dtype != array.dtype:
-                raise InputError(
-                    f"the state's {name} does not fit {self.num_envs} environments of {self.cell.name!r}",
-                    remedy="make them with the same arguments",
-                )
+                raise self._misfit(name)
+        for name, array in self._constant().items():
+            if (state[name] != array).any():
+                raise self._misfit(name)
+        if "random" not in state:
+            raise self._misfit("random")
         for name, array in own.items():
             array[...] = state[name]
-        self._begun = True
         for one, drawn in zip(self._generators, json.loads(state["random"].tobytes()), strict=True):
             one.bit_generator.state = drawn
+
+    def _misfit(self, name: str) -> InputError:
+        return InputError(
+            f"the state's {name} does not fit {self.num_envs} environments of {self.cell.name!r}",
+            remedy="make them with the same arguments",
+        )
 
     def close_extras(self, **_: Any) -> None:
         """End the threads."""

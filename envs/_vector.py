@@ -62,7 +62,7 @@ def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
     """
     known = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
     if mode not in (*known, *(one.value for one in known)):
-        raise InputError(f"autoreset_mode is {mode!r}", remedy="use NEXT_STEP or SAME_STEP")
+        raise InputError(f"autoreset_mode is {mode!r}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
     return AutoresetMode(mode)
 
 

@@ -30,7 +30,7 @@ from armtempo.planners._feed_override import FeedOverride
 from armtempo.planners._feedback_ik import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
 from armtempo.planners._feedback_ik_kernels import Law as IKLaw
 from armtempo.planners._feedback_ik_kernels import Targets as IKTargets
-from armtempo.planners._feedback_ik_kernels import law_at, law_within
+from armtempo.planners._feedback_ik_kernels import law_within
 from armtempo.planners._feedback_ik_kernels import scratch as law_scratch
 from armtempo.planners._ik_cell import IKCell
 from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
@@ -164,7 +164,6 @@ __all__ = [
     "draw_path",
     "execution_of",
     "generate_cell",
-    "law_at",
     "law_scratch",
     "law_within",
     "label_cell",

@@ -10,7 +10,6 @@ paper's trick would have it, is exact at none only). J^# is damped near singular
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal, final
 
@@ -170,7 +169,7 @@ class FeedbackIK:
     Attributes:
         task: (m, 6) orthonormal rows of what is controlled.
         length: [m] that velocities are divided by.
-        law: The same constants for compiled loops (``law_at``).
+        law: The same constants for compiled loops (``law_within``).
 
     Raises:
         InputError: A number that cannot be used; the message names it.
@@ -255,20 +254,6 @@ class FeedbackIK:
             float(posture_gain) if spare else 0.0,
             levers,
         )
-
-    def retuned(self, gains: IKGains, damping: float) -> FeedbackIK:
-        """The same law with other gains and damping; all else is shared."""
-        if not 0.0 < damping < 1.0:
-            raise InputError(f"damping = {damping}", remedy="give a number between 0 and 1")
-        other = copy(self)
-        other.gains = gains
-        other.law = self.law._replace(
-            position_gain=float(gains.position),
-            approach_gain=float(gains.approach),
-            normal_gain=float(gains.normal),
-            damping=float(damping),
-        )
-        return other
 
     def singular_value(self, q: ArrayLike) -> Array:
         """Smallest singular value (...) at ``q`` (..., n) of what ``damping`` is compared with: the scaled Jacobian.

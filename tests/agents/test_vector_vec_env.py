@@ -39,6 +39,7 @@ def test_it_is_stable_baselines_own_vector_of_single_ones(chung: IKCell) -> None
     for env in (ours, theirs):
         env.seed(11)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())  # goes on drawing
     ended = 0
     for one, other in zip(steps(ours, 65), steps(theirs, 65), strict=True):
         for a, b in zip(one[:3], other[:3], strict=True):

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from armtempo.envs import ACTION_MODES, PHYSICS, FeedbackIKEnv, Physics, ik_entries
 from armtempo.envs._ik_kernels import allowed_speeds, rotation_vector
 from armtempo.errors import ActionError, ConfigError, InputError, RenderError, UnknownNameError
-from armtempo.planners import TARGET_FAMILIES, BlendCell, Cell, FeedbackIK, IKCell, TargetFamilyName
+from armtempo.planners import TARGET_FAMILIES, BlendCell, Cell, IKCell, TargetFamilyName
 
 STILL = np.zeros(6, dtype=np.float32)
 PLAIN = np.zeros(4, dtype=np.float32)
@@ -385,16 +385,19 @@ def test_wrong_arguments_are_refused(lee1991: Cell, lee2006: BlendCell, chung: I
         FeedbackIKEnv(chung, render_mode="ansi")
 
 
-def test_a_retuned_law_is_one_made_so(chung: IKCell) -> None:
-    from armtempo.planners import IKGains
-
-    gains = IKGains(position=10.0, approach=11.0, normal=12.0)
-    made, retuned = FeedbackIK(chung.arm, gains, damping=0.1), chung.solver.retuned(gains, 0.1)
-    for index in (0, 2000):
-        np.testing.assert_array_equal(
-            made.joint_speeds(chung.start + 0.1, chung.target, index)[0],
-            retuned.joint_speeds(chung.start + 0.1, chung.target, index)[0],
-        )
-    assert chung.solver.gains.position == 50.9
-    with pytest.raises(InputError, match="damping"):
-        chung.solver.retuned(gains, 1.0)
+@pytest.mark.parametrize("action", [[0.5, -0.25, 0.75, 0.4], [0.0, 0.0, 0.0, 1.0]])
+def test_gains_are_those_of_a_cell_that_has_them(chung: IKCell, action: list[float]) -> None:
+    """Also where the damping would be more than it can be: it ends at 0.9."""
+    law = chung.config.law.model_copy(update={"damping": 0.3})
+    base = (law.position_gain_1_s, law.approach_gain_1_s, law.normal_gain_1_s, law.damping)
+    values = [4.0**power * gain for power, gain in zip(action, base, strict=True)]
+    names = ("position_gain_1_s", "approach_gain_1_s", "normal_gain_1_s", "damping")
+    changed = law.model_copy(update=dict(zip(names, [*values[:3], min(values[3], 0.9)], strict=True)))
+    seen = []
+    for one, asked in ((law, action), (changed, [0.0] * 4)):
+        cell = IKCell.of(chung.config.model_copy(update={"law": one}), chung.arm)
+        env = FeedbackIKEnv(cell, action_mode="gains", physics="ideal", max_episode_s=0.5)
+        run(env, np.array(asked, dtype=np.float32))
+        seen.append(env.simulation.joint_positions())
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    assert np.abs(seen[0] - chung.start).max() > 0.01

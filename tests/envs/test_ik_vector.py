@@ -147,12 +147,23 @@ def test_going_on_from_a_saved_state(chung: IKCell, family: Any) -> None:
     wanted = [env.step(one) for one in later]
     for name, array in state.items():
         np.testing.assert_array_equal(array, kept[name])  # a copy
+    with pytest.raises(InputError, match="before a reset"):
+        other.set_state(state)
+    other.reset(seed=9)
     other.set_state(state)
     for one, expected in zip(later, wanted, strict=True):
         for ours, theirs in zip(other.step(one)[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(ours, theirs)
     with pytest.raises(InputError, match="does not fit"):
         other.set_state({name: array[:2] for name, array in state.items()})
+    others: list[dict[str, Any]] = [{"target_seed": 1, "family": "smooth"}, {"action_mode": "speeds", "family": family}]
+    for changes in others:
+        another = FeedbackIKVectorEnv(5, chung, **{"action_mode": "gains", "targets": 4, **changes})
+        another.reset(seed=0)
+        with pytest.raises(InputError, match="does not fit"):
+            another.set_state(state)
+    with pytest.raises(InputError, match="random does not fit"):
+        other.set_state({name: array for name, array in state.items() if name != "random"})
 
 
 def test_reset_of_some(chung: IKCell) -> None:
@@ -166,16 +177,54 @@ def test_reset_of_some(chung: IKCell) -> None:
     np.testing.assert_array_equal(infos["_duration_s"], [True, False, True])
 
 
+def test_seeds_of_none_go_on_with_what_is_drawn(chung: IKCell) -> None:
+    one, other = (FeedbackIKVectorEnv(2, chung, family=FAMILIES, targets=16) for _ in range(2))
+    for env in (one, other):
+        env.reset(seed=[5, 6])
+        env.reset(seed=[None, None])
+    np.testing.assert_array_equal(one.reset()[0], other.reset()[0])
+
+
+def test_closed_environments_say_so(chung: IKCell) -> None:
+    env = FeedbackIKVectorEnv(8, chung, threads=2)
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    with pytest.raises(ActionError, match="closed"):
+        env.step(np.zeros((8, 6)))
+    with pytest.raises(InputError, match="closed"):
+        env.reset()
+
+
+@pytest.mark.parametrize("limit", [1e-10, 1e300])
+def test_the_shortest_and_the_longest_time_limit(chung: IKCell, limit: float) -> None:
+    """One control period at least, as in a single environment."""
+    many = FeedbackIKVectorEnv(1, chung, max_episode_s=limit)
+    single = FeedbackIKEnv(chung, physics="ideal", max_episode_s=limit)
+    many.reset(seed=0)
+    single.reset(seed=0)
+    action = np.full((1, 6), 0.1, dtype=np.float32)
+    found, expected = many.step(action), single.step(action[0])
+    np.testing.assert_array_equal(found[0][0], expected[0])
+    assert (found[1][0], found[3][0]) == (expected[1], expected[3])
+    assert found[3][0] == (limit < 1.0)
+
+
 def test_input_errors(chung: IKCell, lee1991: Cell) -> None:
     with pytest.raises(InputError, match='vectorization_mode="sync"'):
         gymnasium.make_vec("armtempo/FeedbackIK-v0", num_envs=2, cell=chung, physics="bullet")
     with pytest.raises(InputError, match="autoreset_mode"):
         FeedbackIKVectorEnv(2, chung, autoreset_mode="Disabled")
-    for name, wrong in {"num_envs": 0, "targets": 0, "hold_periods": 0, "max_episode_s": 0.0}.items():
+    wrong_numbers = {
+        "num_envs": 0, "targets": 0, "hold_periods": 0, "max_episode_s": 0.0, "threads": 0, "target_seed": -1,
+    }  # fmt: skip
+    for name, wrong in wrong_numbers.items():
         with pytest.raises(InputError, match=name):
             FeedbackIKVectorEnv(**{"num_envs": 2, "cell": chung, name: wrong})  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="family"):
         FeedbackIKVectorEnv(2, chung, family=("smooth", "easy"))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="1 targets for 2 families"):
+        FeedbackIKVectorEnv(2, chung, family=FAMILIES, targets=1)
     with pytest.raises(InputError, match="no family"):
         FeedbackIKVectorEnv(2, chung, family=())
     with pytest.raises(InputError, match="ik cell"):
@@ -194,3 +243,5 @@ def test_input_errors(chung: IKCell, lee1991: Cell) -> None:
         env.reset(options={"reset_mask": np.zeros(2, dtype=np.bool_)})
     with pytest.raises(InputError, match="targets=64"):
         env.get_state()
+    with pytest.raises(InputError, match="options must map"):
+        env.reset(options=5)  # type: ignore[arg-type]
