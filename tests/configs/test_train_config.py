@@ -31,6 +31,10 @@ WRONG = {
     "range": (WHERE + "ppo: {gamma: 1.5}", "ppo.gamma", "Discount"),
     "no family": (HEAD + "feedback_ik: {families: []}", "feedback_ik.families", "at least 1"),
     "a word": (WHERE + "ppo: {learning_rate: fast}", "ppo.learning_rate", "number"),
+    "a first action": (WHERE + "ppo: {first_action: 2}", "ppo.first_action[0]", "less than or equal to 1"),
+    "of first actions": (WHERE + "ppo: {first_action: [0.5, fast]}", "ppo.first_action[1]", "number"),
+    "targets": (HEAD + "feedback_ik: {families: [smooth, given], targets: 1}", "feedback_ik.targets", "2 at least"),
+    "held in bullet": (HEAD + "feedback_ik: {physics: bullet, hold_periods: 2}", "feedback_ik.hold_periods", "ideal"),
     "team in bullet": (
         HEAD + "coordination: {cells: [a], reward: team, physics: bullet}",
         "coordination.reward",
