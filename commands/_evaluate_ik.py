@@ -102,7 +102,7 @@ def reading(evaluation: IKEvaluation) -> str:
         said.append(f"feed-forward makes the rms position error {_digits(more)} times smaller")
     best = max(results, key=lambda name: results[name].reward)
     if len(results) > 1:
-        said.append(f"{best} has the highest return")
+        said.append(f"the highest return is that of {best}")
     lost = [name for name, r in results.items() if r.orientation_error_max_rad > 1.0 and name != "random"]
     if lost:
         said.append(f"{', '.join(lost)} lost the orientation by more than 1 rad on the way")
