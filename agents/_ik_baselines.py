@@ -110,7 +110,7 @@ class NewtonPolicy:
 
 @final
 class GainPolicy:
-    """The cell's law at every tick.
+    """The cell's law (Chung, Ryu, Park) at every tick of an environment of ``gains``; its actions are (4,).
 
     Args:
         scheduled: A quarter of K_p and four times K_a, K_n and damping while the tip is half an error scale off.

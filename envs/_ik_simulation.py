@@ -194,26 +194,35 @@ class IKSimulation:
         """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
         cell, drive, held = self.cell, self._drive, self._arm
         ticks, n = cell.ticks_per_period, cell.arm.dof
-        joints, cuts = np.empty((ticks, n)), np.empty(ticks)
+        joints, cuts, after, rows = np.empty((ticks, n)), np.empty(ticks), np.empty((3, n)), np.empty((ticks, 3, n))
         asked, speeds = np.empty((2, ticks if drive.by_gains else 1, n))
         self._hardness = ask_period(
             drive, action, self._targets, 2 * self._ticks, held.reference[2], self.joint_speeds, held.reference,
-            self._hardness, joints, asked, speeds, np.empty((3, n)), np.empty((ticks, 3, n)),
+            self._hardness, joints, asked, speeds, after, rows,
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         cut_shares(asked, speeds, drive.speed_max, cuts)
+        if self.physics == "ideal":
+            held.stay(after, rows[-1])
+        else:
+            rows = self._follow(joints, asked, cuts)
+        self._ticks += ticks
+        errors = self._measure(joints, rows, cuts)
+        sum_up(errors, rows[:, 1], cuts, drive.torque_max, drive.scales, self.squares, self.shares)
+
+    def _follow(self, joints: Array, asked: Array, cuts: Array) -> Array:
+        """In PyBullet; where torques are clipped, as of bodies heavier than believed, the rest of ``joints`` brakes."""
+        ticks, held = len(joints), self._arm
         rows = held.follow(joints)
-        while held.clipped and self.physics == "bullet":  # as bodies heavier than believed make them
+        while held.clipped:
             k = len(rows)
             self._start_over()
             if k == ticks:
                 break
             braking = self._brake(joints[k:])
-            cut_shares(np.repeat(asked[-1:], ticks - k, axis=0), braking, drive.speed_max, cuts[k:])
+            cut_shares(np.repeat(asked[-1:], ticks - k, axis=0), braking, self._drive.speed_max, cuts[k:])
             rows = np.concatenate([rows, held.follow(joints[k:])])
-        self._ticks += ticks
-        errors = self._measure(joints, rows, cuts)
-        sum_up(errors, rows[:, 1], cuts, drive.torque_max, drive.scales, self.squares, self.shares)
+        return rows
 
     def _start_over(self) -> None:
         """The reference goes on from where the arm is, and as fast."""

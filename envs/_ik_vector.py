@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.envs._batch import spread
 from armtempo.envs._feedback_ik import REWARD_WEIGHTS, ik_cell, ik_spaces
-from armtempo.envs._ik_kernels import pose_errors
 from armtempo.envs._ik_observation import AHEAD, IKView, observe_ik
 from armtempo.envs._ik_periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
 from armtempo.envs._ik_simulation import ActionMode
@@ -69,8 +68,9 @@ class _TargetStore:
 class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
     """E ``FeedbackIKEnv`` at once (``gymnasium.make_vec("armtempo/FeedbackIK-v0", num_envs=E)``), without physics.
 
-    Environment k of seed s has the bits of a single one with ``physics="ideal"`` and seed s + k. Infos hold, at the
-    end of an episode, ``is_success``, ``position_error_rms_mm`` and ``orientation_error_rms_rad``, after a reset
+    For n joints observations are (E, 3 n + 28), actions (E, n), or (E, 4) of ``gains``, rewards (E,). Environment k of
+    seed s has the bits of a single one with ``physics="ideal"`` and seed s + k. Infos hold, at the end of an episode,
+    ``is_success``, ``position_error_rms_mm`` and ``orientation_error_rms_rad``, after a reset
     ``duration_s``; arrays (E,) with a mask each (``_is_success``...), as Gymnasium has it. In ``SAME_STEP`` those of
     the end are in ``final_info``, the last observations in ``final_obs``.
 
@@ -179,7 +179,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
         mask = given.get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
         if not (isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()):
             raise InputError("reset_mask must be an array of truth values, one per environment, not all False")
-        begun = mask if self._begun else np.ones(self.num_envs, dtype=np.bool_)
+        begun = mask.copy() if self._begun else np.ones(self.num_envs, dtype=np.bool_)
         seeds = spread(seed, self.num_envs)
         if isinstance(seed, int | np.integer):
             self._np_random, self._np_random_seed = seeding.np_random(int(seed))
@@ -202,12 +202,9 @@ class FeedbackIKVectorEnv(VectorEnv[Floats, Floats, NDArray[Any]]):
             episodes.reference[e], episodes.hardness[e] = store.starts[slot], 1.0
             for array in (episodes.speeds, episodes.demand, episodes.squares, episodes.shares):
                 array[e] = 0.0
-            targets, tip = store.targets, np.empty((1, 3))
-            pose_errors(
-                self.cell.arm.model, episodes.reference[e, 2:], targets.position[slot], targets.rotation[slot], 1, tip,
-                episodes.error[e : e + 1],
-            )  # fmt: skip
         self._over[begun] = False
+        q, now = np.ascontiguousarray(episodes.reference[:, 2]), episodes.tick[:, None]
+        look_ahead(self.cell.arm.model, store.targets, episodes.slot, q, now, begun, episodes.error[:, None])
         duration = store.ticks[episodes.slot] * self.cell.physics_tick
         return self._observed(begun), {"duration_s": np.where(begun, duration, 0.0), "_duration_s": begun}
 

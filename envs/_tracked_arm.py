@@ -12,7 +12,6 @@ from armtempo.envs._bullet import pybullet
 from armtempo.envs._kernels import joint_torques
 from armtempo.envs._scene import Scene
 from armtempo.envs._simulation import CONTROLLER_GAIN, PHYSICS, Physics
-from armtempo.envs._tracking_kernels import stay_on_reference
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import BlendCell, IKCell
 
@@ -102,25 +101,23 @@ class TrackedArm:
         return bool((self.demand != self.torque).any())
 
     def follow(self, joints: Array) -> Array:
-        """Ticks towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n).
+        """Ticks in PyBullet towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n).
 
-        In ``bullet`` they end with the first in which torques were clipped: then there are fewer rows.
+        They end with the first in which torques were clipped: then there are fewer rows.
         """
         rows = np.empty((len(joints), 3, joints.shape[1]))
-        if self.scene is not None:
-            for k, wanted in enumerate(joints):
-                self.advance(wanted)
-                rows[k, 0], rows[k, 1], rows[k, 2] = self.q[0], self.torque[0], self.demand[0]
-                if self.clipped:
-                    return rows[: k + 1]
-            return rows
-        stay_on_reference(
-            self.model, joints, self.reference, self.coulomb, self.torque_max, CONTROLLER_GAIN / self.tick, self.tick,
-            rows,
-        )  # fmt: skip
-        self.qd[0] = (self.reference[2] - self.reference[1]) / self.tick
-        self.q[0], self.torque[0], self.demand[0] = rows[-1]
+        for k, wanted in enumerate(joints):
+            self.advance(wanted)
+            rows[k, 0], rows[k, 1], rows[k, 2] = self.q[0], self.torque[0], self.demand[0]
+            if self.clipped:
+                return rows[: k + 1]
         return rows
+
+    def stay(self, reference: Array, row: Array) -> None:
+        """On its reference (3, n), without physics; ``row`` (3, n): q, torques and demand there."""
+        self.reference[:] = reference
+        self.qd[0] = (reference[2] - reference[1]) / self.tick
+        self.q[0], self.torque[0], self.demand[0] = row
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""

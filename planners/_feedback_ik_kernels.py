@@ -113,6 +113,7 @@ class Scratch(NamedTuple):
 
 @njit
 def scratch(n: int, m: int) -> Scratch:
+    """Room to work in, for n joints and a task of m rows."""
     return Scratch(
         np.empty((n, 3)),
         np.empty((6, n)),
