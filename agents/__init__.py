@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armtempo.agents._agent_file import Agent, AgentHeader, find_agent, load_agent, save_agent, shipped_agents
-from armtempo.agents._baselines import (
-    POLICIES,
-    ExecutionPolicy,
-    PhasePlanePolicy,
-    RandomPolicy,
-    make_policy,
-)
-from armtempo.agents._blend_baselines import (
+from armtempo.agents.blend._baselines import (
     BLEND_POLICIES,
     BlendBaseline,
     BlendPolicy,
@@ -20,8 +12,7 @@ from armtempo.agents._blend_baselines import (
     blend_baseline,
     highest_rate,
 )
-from armtempo.agents._evaluate import ONLINE, Evaluation, PolicyResult, evaluate, run_episode
-from armtempo.agents._evaluate_blend import (
+from armtempo.agents.blend._evaluate import (
     BlendEvaluation,
     BlendPolicyResult,
     evaluate_blend,
@@ -30,9 +21,16 @@ from armtempo.agents._evaluate_blend import (
     run_blend_episode,
     speed_errors,
 )
-from armtempo.agents._evaluate_ik import IKEvaluation, IKPolicyResult, evaluate_ik
-from armtempo.agents._extra import TRAINING, load_training
-from armtempo.agents._ik_baselines import (
+from armtempo.agents.coordination._baselines import (
+    POLICIES,
+    ExecutionPolicy,
+    PhasePlanePolicy,
+    RandomPolicy,
+    make_policy,
+)
+from armtempo.agents.coordination._evaluate import ONLINE, Evaluation, PolicyResult, evaluate, run_episode
+from armtempo.agents.coordination._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
+from armtempo.agents.ik._baselines import (
     IK_POLICIES,
     GainPolicy,
     IKPolicy,
@@ -41,17 +39,19 @@ from armtempo.agents._ik_baselines import (
     action_mode_of,
     ik_policy,
 )
-from armtempo.agents._learned import LearnedOneArmPolicy, LearnedPolicy, learned_policy
-from armtempo.agents._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
-from armtempo.agents._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
-from armtempo.agents._sweep import Objective, SweepTrial, sweep
-from armtempo.agents._sweep_objective import training_gap
+from armtempo.agents.ik._evaluate import IKEvaluation, IKPolicyResult, evaluate_ik
+from armtempo.agents.policies._agent_file import Agent, AgentHeader, find_agent, load_agent, save_agent, shipped_agents
+from armtempo.agents.policies._learned import LearnedOneArmPolicy, LearnedPolicy, learned_policy
+from armtempo.agents.policies._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
+from armtempo.agents.training._extra import TRAINING, load_training
+from armtempo.agents.training._sweep import Objective, SweepTrial, sweep
+from armtempo.agents.training._sweep_objective import training_gap
 
 if TYPE_CHECKING:
-    from armtempo.agents._batch_vec_env import BatchVecEnv
-    from armtempo.agents._parallel_vec_env import ParallelVecEnv
-    from armtempo.agents._train import Training, train
-    from armtempo.agents._vector_vec_env import VectorVecEnv
+    from armtempo.agents.training._train import Training, train
+    from armtempo.agents.training.vec_envs._batch import BatchVecEnv
+    from armtempo.agents.training.vec_envs._parallel import ParallelVecEnv
+    from armtempo.agents.training.vec_envs._vector import VectorVecEnv
 
 __all__ = [
     "SPLIT_POLICIES",

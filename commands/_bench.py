@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from armtempo.commands._bench_agents import bench_agents
-from armtempo.commands._output import JsonFile, Output, new_table, number, shown
+from armtempo.commands.console._output import JsonFile, Output, new_table, number, shown
 
 if TYPE_CHECKING:
     from armtempo.planners import BenchResult, Claim
@@ -187,8 +187,8 @@ def bench_arms(
 
     import numpy as np
 
-    from armtempo.commands._bench_figures import arms_figure
-    from armtempo.commands._style import write_png
+    from armtempo.commands.figures._bench import arms_figure
+    from armtempo.commands.figures._style import write_png
     from armtempo.errors import InfeasibleError, InputError, UnknownNameError
     from armtempo.planners import PLANNED, Instance, generate_cell
 

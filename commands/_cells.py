@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from armtempo.commands._evaluate_ik import gain_x_period, unsettled
-from armtempo.commands._output import JsonFile, Output, new_table, number, open_any_cell, shown
+from armtempo.commands.console._output import JsonFile, Output, new_table, number, open_any_cell, shown
+from armtempo.commands.reports._ik import gain_x_period, unsettled
 
 if TYPE_CHECKING:
     from armtempo.planners import BlendCell, Cell, IKCell

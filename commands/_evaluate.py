@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands._output import (
+from armtempo.commands.console._output import (
     CellName,
     JsonFile,
     OutFolder,
@@ -88,12 +88,12 @@ def evaluate(
 
     if not isinstance(built, Cell):
         _check_one_arm_options(built, physics, mode, master_late, model_error, family, coordination)
-        from armtempo.commands._evaluate_one_arm import evaluate_one_arm
+        from armtempo.commands.reports._one_arm import evaluate_one_arm
 
         if isinstance(built, BlendCell):
-            from armtempo.commands._evaluate_blend import blend_report as report
+            from armtempo.commands.reports._blend import blend_report as report
         else:
-            from armtempo.commands._evaluate_ik import ik_report as report
+            from armtempo.commands.reports._ik import ik_report as report
         evaluate_one_arm(
             built, tuple(dict.fromkeys(policies)), output, report, out=out, figures=figures, family=family,
             episodes=episodes, seed=seed, physics=physics, model_error=model_error,
@@ -293,7 +293,9 @@ def reading(evaluation: Evaluation) -> str:
 
 def evaluation_figures(evaluation: Evaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name; those of the plans where the policies have some."""
-    from armtempo.commands import _phase_figures, _space_figures, _time_figures
+    from armtempo.commands.figures import _phase as _phase_figures
+    from armtempo.commands.figures import _space as _space_figures
+    from armtempo.commands.figures import _time as _time_figures
 
     cell, results = evaluation.cell, evaluation.results
     schedules = {name: r.schedule for name, r in results.items() if r.schedule is not None}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands._output import CellName, JsonFile, Output, new_table, number, open_cell, plan_all, shown
+from armtempo.commands.console._output import CellName, JsonFile, Output, new_table, number, open_cell, plan_all, shown
 
 if TYPE_CHECKING:
     from armtempo.planners import Cell, Schedule

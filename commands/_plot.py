@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from armtempo.commands._output import CellName, OutFolder, Output, default_folder, open_cell, plan_all
+from armtempo.commands.console._output import CellName, OutFolder, Output, default_folder, open_cell, plan_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ def plot(
 
 def draw(figures: Mapping[str, Figure], folder: Path, output: Output) -> list[str]:
     """Write figures as ``<name>.png``; returns the file names."""
-    from armtempo.commands._style import write_png
+    from armtempo.commands.figures._style import write_png
 
     names = [f"{name}.png" for name in figures]
     with output.progress("Writing pictures", len(figures)) as (progress, task):
@@ -58,7 +58,10 @@ def draw(figures: Mapping[str, Figure], folder: Path, output: Output) -> list[st
 
 def plan_figures(cell: Cell, schedules: Mapping[str, Schedule], method: str) -> dict[str, Figure]:
     """Figures of a cell and its plans by file name; charts only where there are two arms or more."""
-    from armtempo.commands import _phase_figures, _solve_figures, _space_figures, _time_figures
+    from armtempo.commands.figures import _phase as _phase_figures
+    from armtempo.commands.figures import _solve as _solve_figures
+    from armtempo.commands.figures import _space as _space_figures
+    from armtempo.commands.figures import _time as _time_figures
 
     plan = schedules[method]
     figures = {"workspace": _space_figures.workspace(cell)}

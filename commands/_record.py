@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from armtempo.commands._output import CellName, Output, default_folder, open_cell, shown, silent_stdout
+from armtempo.commands.console._output import CellName, Output, default_folder, open_cell, shown, silent_stdout
 from armtempo.files import whole_file
 
 if TYPE_CHECKING:

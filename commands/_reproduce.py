@@ -8,19 +8,19 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands._output import JsonFile, Output, new_table, number, shown
-from armtempo.commands._reproduction import Reproduction
+from armtempo.commands.console._output import JsonFile, Output, new_table, number, shown
+from armtempo.commands.papers._reproduction import Reproduction
 
 
 def _lee1991(output: Output) -> Reproduction:
-    from armtempo.commands._lee1991 import reproduce_lee1991
+    from armtempo.commands.papers._lee1991 import reproduce_lee1991
 
     return reproduce_lee1991(output)
 
 
 def _lee2006(output: Output) -> Reproduction:
-    from armtempo.commands._lee2006 import compare, run
-    from armtempo.commands._lee2006_figures import lee2006_figures
+    from armtempo.commands.papers.lee2006._figures import lee2006_figures
+    from armtempo.commands.papers.lee2006._quantities import compare, run
     from armtempo.planners import BlendCell, load_cell
 
     with output.progress("Loading lee2006 (compiles once after installation)"):
@@ -34,9 +34,9 @@ def _lee2006(output: Output) -> Reproduction:
 
 
 def _chung(output: Output) -> Reproduction:
-    from armtempo.commands._chung import run
-    from armtempo.commands._chung_figures import chung_figures
-    from armtempo.commands._chung_table import CAPTION, compare
+    from armtempo.commands.papers.chung._figures import chung_figures
+    from armtempo.commands.papers.chung._quantities import CAPTION, compare
+    from armtempo.commands.papers.chung._run import run
 
     with output.progress("Tracking (compiles once after installation)"):
         found = run()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.configs._load import (
+from armtempo.configs.files._load import (
     bundled_cells,
     change_blend,
     data_path,
@@ -11,9 +11,9 @@ from armtempo.configs._load import (
     resolve_file,
     robot_config,
 )
-from armtempo.configs._load_sweep import bundled_sweeps, load_sweep_config, plain_number, trial_training
-from armtempo.configs._load_train import bundled_trainings, load_train_config, parse_train_config
-from armtempo.configs._schema import (
+from armtempo.configs.files._load_sweep import bundled_sweeps, load_sweep_config, plain_number, trial_training
+from armtempo.configs.files._load_train import bundled_trainings, load_train_config, parse_train_config
+from armtempo.configs.schema._all import (
     AnyCellConfig,
     ArcConfig,
     ArmConfig,
@@ -44,8 +44,7 @@ from armtempo.configs._schema import (
     TimedPoseConfig,
     ToolConfig,
 )
-from armtempo.configs._sweep_schema import SearchedNumber, SweepConfig, SweepValue
-from armtempo.configs._train_schema import (
+from armtempo.configs.training._all import (
     BenchmarkFilter,
     BlendTraining,
     CoordinationTraining,
@@ -58,6 +57,7 @@ from armtempo.configs._train_schema import (
     TQCConfig,
     TrainConfig,
 )
+from armtempo.configs.training._sweep import SearchedNumber, SweepConfig, SweepValue
 
 __all__ = [
     "SearchedNumber",

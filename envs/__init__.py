@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
-from armtempo.envs._batch import REWARDS, BatchSimulation
-from armtempo.envs._blend_observation import BLEND_ENTRIES
-from armtempo.envs._blend_simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
-from armtempo.envs._blend_tracking import BlendTrackingEnv
-from armtempo.envs._coordination import CoordinationEnv
-from armtempo.envs._disturbance import DISTURBANCES, Disturbance
-from armtempo.envs._disturbed_motion import disturbed_motion
-from armtempo.envs._feedback_ik import FeedbackIKEnv
-from armtempo.envs._ik_observation import ik_entries
-from armtempo.envs._ik_simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
-from armtempo.envs._ik_vector import FeedbackIKVectorEnv
-from armtempo.envs._observation import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
-from armtempo.envs._renderer import Renderer
-from armtempo.envs._shield import EpisodeShield, Shield
-from armtempo.envs._shield_trial import REQUESTS, ShieldTrial, shield_trial
-from armtempo.envs._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
-from armtempo.envs._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
-from armtempo.envs._vector import CoordinationVectorEnv, YieldingVectorEnv
-from armtempo.envs._yielding import YieldingEnv
+from armtempo.envs.blend._env import BlendTrackingEnv
+from armtempo.envs.blend._observation import BLEND_ENTRIES
+from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+from armtempo.envs.bodies._renderer import Renderer
+from armtempo.envs.common._entries import ENTRIES, OTHER, OTHERS, OWN, Entry, observation_table, share
+from armtempo.envs.coordination._batch import REWARDS, BatchSimulation
+from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
+from armtempo.envs.coordination._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
+from armtempo.envs.coordination._vector_envs import CoordinationVectorEnv, YieldingVectorEnv
+from armtempo.envs.coordination._yielding_env import YieldingEnv
+from armtempo.envs.coordination.shield._shield import EpisodeShield, Shield
+from armtempo.envs.coordination.shield._trial import REQUESTS, ShieldTrial, shield_trial
+from armtempo.envs.coordination.world._disturbance import DISTURBANCES, Disturbance
+from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
+from armtempo.envs.coordination.world._simulation import MODES, PHYSICS, EpisodeTrace, Physics, Simulation
+from armtempo.envs.ik._env import FeedbackIKEnv
+from armtempo.envs.ik._observation import ik_entries
+from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
+from armtempo.envs.ik._vector_env import FeedbackIKVectorEnv
 
 __all__ = [
     "BLEND_ENTRIES",

@@ -2,66 +2,85 @@
 
 from __future__ import annotations
 
-from armtempo.planners import _phase_kernels as phase_kernels
-from armtempo.planners._benchmark_set import (
+from armtempo.planners.blends._blend import Blend, blend, least_time_blend
+from armtempo.planners.blends._blended_path import BlendedPath
+from armtempo.planners.blends._corners import CURVES, PassingLimits
+from armtempo.planners.blends._kernels_all import PackedPath, blended_point
+from armtempo.planners.blends._least_time import passing_cost
+from armtempo.planners.blends._length_mapping import (
+    ExactMapping,
+    LengthMapping,
+    PredictorCorrector,
+    arc_length,
+    rk4_length,
+)
+from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
+from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
+from armtempo.planners.cells._coordination_cell import Cell
+from armtempo.planners.cells._ik_cell import IKCell
+from armtempo.planners.cells._load import build_cell, load_cell
+from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
+from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
+from armtempo.planners.charts._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
+from armtempo.planners.charts._coordination_chart import ChartRegion, CoordinationChart
+from armtempo.planners.coordination._interval_search import IntervalSearch
+from armtempo.planners.coordination._makespan_bound import (
+    MakespanBound,
+    PairBound,
+    PriorityClass,
+    makespan_bound,
+    pair_bound,
+)
+from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
+from armtempo.planners.coordination._precedence import Precedence, precedence
+from armtempo.planners.coordination._timing_problem import TimingProblem
+from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_vci
+from armtempo.planners.geometry._cartesian_path import Arc, CartesianPath, Line, Segment
+from armtempo.planners.geometry._pose_target import PoseTarget
+from armtempo.planners.geometry._waypoint_file import read_waypoints
+from armtempo.planners.ik._classical import ClosedFormIK, NewtonIK, ResolvedRateIK
+from armtempo.planners.ik._feedback import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
+from armtempo.planners.ik._kernels_all import Law as IKLaw
+from armtempo.planners.ik._kernels_all import Targets as IKTargets
+from armtempo.planners.ik._kernels_all import law_within
+from armtempo.planners.ik._kernels_all import scratch as law_scratch
+from armtempo.planners.ik._spherical_wrist import SphericalWristIK
+from armtempo.planners.instances._bench import BenchResult, Claim, bench_cell, bench_claims
+from armtempo.planners.instances._benchmark_set import (
     SPLITS,
     BenchmarkInstance,
     benchmark_instances,
     draw_benchmark,
 )
-from armtempo.planners._blend import Blend, blend, least_time_blend
-from armtempo.planners._blend_cell import PROFILES, BlendCell, ProfileName
-from armtempo.planners._blend_corners import CURVES, PassingLimits
-from armtempo.planners._blend_kernels import PackedPath, blended_point
-from armtempo.planners._blend_least_time import passing_cost
-from armtempo.planners._blended_path import BlendedPath
-from armtempo.planners._build_cell import build_cell, load_cell
-from armtempo.planners._cartesian_joint_path import CartesianJointPath
-from armtempo.planners._cartesian_path import Arc, CartesianPath, Line, Segment
-from armtempo.planners._cell import Cell
-from armtempo.planners._cell_generator import FAMILIES, CellLabels, GeneratedCell, cell_name, generate_cell, label_cell
-from armtempo.planners._clairvoyant import clairvoyant
-from armtempo.planners._classical_ik import ClosedFormIK, NewtonIK, ResolvedRateIK
-from armtempo.planners._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
-from armtempo.planners._coordination_bench import BenchResult, Claim, bench_cell, bench_claims
-from armtempo.planners._coordination_chart import ChartRegion, CoordinationChart
-from armtempo.planners._execution import Execution, ScheduleExecution
-from armtempo.planners._feed_override import FeedOverride
-from armtempo.planners._feedback_ik import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
-from armtempo.planners._feedback_ik_kernels import Law as IKLaw
-from armtempo.planners._feedback_ik_kernels import Targets as IKTargets
-from armtempo.planners._feedback_ik_kernels import law_within
-from armtempo.planners._feedback_ik_kernels import scratch as law_scratch
-from armtempo.planners._ik_cell import IKCell
-from armtempo.planners._independent_audit import ENGINES, Audit, audit_clearance, default_engine
-from armtempo.planners._instance_file import PLANNED, Instance, load_instance, save_instance
-from armtempo.planners._interval_search import IntervalSearch
-from armtempo.planners._joint_path import JointPath, PathTable, path_point
-from armtempo.planners._length_mapping import ExactMapping, LengthMapping, PredictorCorrector, arc_length, rk4_length
-from armtempo.planners._limit_aware import limit_aware_profile
-from armtempo.planners._line_speed import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
-from armtempo.planners._makespan_bound import MakespanBound, PairBound, PriorityClass, makespan_bound, pair_bound
-from armtempo.planners._motion_demand import MotionDemand, motion_demand
-from armtempo.planners._passing_orders import PassingOrders, PassingRegion
-from armtempo.planners._path_dynamics import PathDynamics
-from armtempo.planners._path_families import PATH_FAMILIES, FamilyName, draw_path
-from armtempo.planners._phase_diagnostics import Island, PhaseDiagnostics, diagnose
-from armtempo.planners._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
-from armtempo.planners._phase_trajectory import MotionCertificate, PhaseTrajectory
-from armtempo.planners._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
-from armtempo.planners._pose_path import PosePath, Poses, TipPosePath
-from armtempo.planners._pose_target import PoseTarget
-from armtempo.planners._precedence import Precedence, precedence
-from armtempo.planners._scara_path import ScaraPath
-from armtempo.planners._schedule import METHODS, Schedule, ScheduleCertificate, schedule
-from armtempo.planners._spherical_wrist_ik import SphericalWristIK
-from armtempo.planners._timing_problem import TimingProblem
-from armtempo.planners._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
-from armtempo.planners._two_link_path import TwoLinkPath
-from armtempo.planners._vci import VciPlan, VelocityControl, plan_vci
-from armtempo.planners._vci_execution import VciExecution, execution_of
-from armtempo.planners._waypoint_file import read_waypoints
-from armtempo.planners._waypoint_path import WaypointPath
+from armtempo.planners.instances._generator import (
+    FAMILIES,
+    CellLabels,
+    GeneratedCell,
+    cell_name,
+    generate_cell,
+    label_cell,
+)
+from armtempo.planners.instances._instance_file import PLANNED, Instance, load_instance, save_instance
+from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
+from armtempo.planners.joint_paths._joint_path import JointPath, PathTable, path_point
+from armtempo.planners.joint_paths._pose_path import PosePath, Poses, TipPosePath
+from armtempo.planners.joint_paths._scara_path import ScaraPath
+from armtempo.planners.joint_paths._two_link_path import TwoLinkPath
+from armtempo.planners.joint_paths._waypoint_path import WaypointPath
+from armtempo.planners.line_speed._feed_override import FeedOverride
+from armtempo.planners.line_speed._limit_aware import limit_aware_profile
+from armtempo.planners.line_speed._profile import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
+from armtempo.planners.schedules._audit import ENGINES, Audit, audit_clearance, default_engine
+from armtempo.planners.schedules._clairvoyant import clairvoyant
+from armtempo.planners.schedules._execution import Execution, ScheduleExecution
+from armtempo.planners.schedules._schedule import METHODS, Schedule, ScheduleCertificate, schedule
+from armtempo.planners.schedules._vci_execution import VciExecution, execution_of
+from armtempo.planners.topp import _kernels_all as phase_kernels
+from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
+from armtempo.planners.topp._path_dynamics import PathDynamics
+from armtempo.planners.topp._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
+from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 
 __all__ = [
     "CURVES",

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.files import whole_file
-from armtempo.planners._joint_path import JointPath
+from armtempo.planners.joint_paths._joint_path import JointPath
 from armtempo.robots import Arm
 
 Arrays = dict[str, NDArray[Any]]
@@ -58,7 +59,7 @@ def content_key(parts: Iterable[object]) -> str:
     return digest.hexdigest()
 
 
-def motion_content(arm: Arm, path: JointPath, q: NDArray[np.float64], speed: NDArray[np.float64]) -> list[object]:
+def motion_content(arm: Arm, path: JointPath, q: Floats, speed: Floats) -> list[object]:
     """What decides where an arm's shapes get: its chain, its shapes, and samples of its path."""
     model = arm.model
     parts: list[object] = [arm.T_world_base, model.placement_R, model.placement_p, model.axis, model.prismatic]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.robots import kernels
+from armtempo.robots import _kernels as kernels
 from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
 from armtempo.robots._model import ArmModel, Capsules

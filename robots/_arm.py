@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armtempo.arrays import Floats
 from armtempo.errors import RobotError
-from armtempo.robots import kernels
-from armtempo.robots._model import ArmModel, Capsules, Floats
+from armtempo.robots import _kernels as kernels
+from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
 from armtempo.robots._urdf import Chain, ChainJoint, Unphysical, merge_inertia, read_urdf
 

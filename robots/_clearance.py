@@ -19,15 +19,15 @@ from typing import NamedTuple, NoReturn
 
 import fcl
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armtempo.arrays import Floats, Ints
 from armtempo.errors import RobotError
 from armtempo.robots._arm import Arm
-from armtempo.robots._model import Floats
+from armtempo.robots._kernels import segment_distance
 from armtempo.robots._numba import njit
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import ANALYTIC_TOLERANCE, Shape
-from armtempo.robots.kernels import segment_distance
 
 __all__ = ["Clearance", "Nearest", "shape_distance"]
 
@@ -68,7 +68,7 @@ _REQUEST = fcl.DistanceRequest()  # unsigned, without nearest points
 
 
 @njit
-def _proven(bodies: Bodies, frames: Floats, frame: NDArray[np.int64], a: int, b: int, far: float) -> float:
+def _proven(bodies: Bodies, frames: Floats, frame: Ints, a: int, b: int, far: float) -> float:
     """A lower bound of the distance of two shapes: the distance itself to 1e-7 m, or anything from ``far`` on."""
     low, _ = separation(
         bodies, a, frames[frame[a]], bodies, b, frames[frame[b]], far, math.nan, np.zeros(3), np.empty((4, 3))
@@ -83,7 +83,7 @@ class _Scene(NamedTuple):
     bodies: Bodies
     tolerance: list[float]
     frames: Floats
-    frame: NDArray[np.int64]
+    frame: Ints
 
     def distance(self, a: int, b: int, bound: float) -> float:
         """What may be told of the distance of two shapes [m], given a lower ``bound`` of it."""
@@ -114,13 +114,13 @@ def shape_distance(shape_a: Shape, T_a: ArrayLike, shape_b: Shape, T_b: ArrayLik
 
 @njit
 def _bounds(
-    movers: NDArray[np.int64],
-    first_frame: NDArray[np.int64],
+    movers: Ints,
+    first_frame: Ints,
     joints: Floats,
     q: Floats,
-    shape_frame: NDArray[np.int64],
+    shape_frame: Ints,
     capsules: Floats,
-    pairs: NDArray[np.int64],
+    pairs: Ints,
     frames: Floats,
     axes: Floats,
     bounds: Floats,
@@ -170,8 +170,8 @@ def _bounds(
 class _Query(NamedTuple):
     """Which arms move and which pairs of shapes are asked for; ``bounds`` is filled by every call."""
 
-    movers: NDArray[np.int64]
-    pairs: NDArray[np.int64]
+    movers: Ints
+    pairs: Ints
     bounds: Floats
 
 

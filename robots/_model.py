@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from armtempo.arrays import Bools, Floats, Ints
 
 __all__ = ["ArmModel", "Capsules", "Floats"]
-
-Floats = NDArray[np.float64]
 
 
 class ArmModel(NamedTuple):
@@ -25,7 +22,7 @@ class ArmModel(NamedTuple):
     """(n, 3) origin of link i in link i - 1 at q = 0 [m]."""
     axis: Floats
     """(n, 3) unit joint axis in link i."""
-    prismatic: NDArray[np.bool_]
+    prismatic: Bools
     """(n,) True where the joint slides."""
     mass: Floats
     """(n,) [kg], merged over fixed joints."""
@@ -50,7 +47,7 @@ class ArmModel(NamedTuple):
 class Capsules(NamedTuple):
     """Capsules that enclose the collision shapes, one per shape, in link frames."""
 
-    link: NDArray[np.int64]
+    link: Ints
     """(k,) moving link 0..n-1, or -1 for the base."""
     p0: Floats
     """(k, 3) first end of the axis [m]."""
@@ -58,5 +55,5 @@ class Capsules(NamedTuple):
     """(k, 3) second end of the axis [m]."""
     radius: Floats
     """(k,) [m]."""
-    exact: NDArray[np.bool_]
+    exact: Bools
     """(k,) True where the capsule is the shape itself."""

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armtempo.robots._model import Floats
+from armtempo.arrays import Floats, Ints
 from armtempo.robots._numba import njit
 from armtempo.robots._shapes import Shape
 
@@ -32,13 +31,13 @@ class Bodies(NamedTuple):
 
     vertices: Floats
     """(v, 3) points of all shapes [m]."""
-    first: NDArray[np.int64]
+    first: Ints
     """(k + 1,) where each shape's points begin."""
     disc: Floats
     """(k, 4) axis and radius of a disc that is added (cylinders), else zeros."""
     radius: Floats
     """(k,) radius of a ball that is added (capsules, spheres), else zero [m]."""
-    link: NDArray[np.int64]
+    link: Ints
     """(k,) moving link 0..n-1, or -1 for the base."""
     tolerance: Floats
     """(k,) ``Shape.tolerance`` [m]."""

@@ -11,12 +11,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 from scipy.spatial import QhullError
 
+from armtempo.arrays import Floats, Ints
 from armtempo.errors import RobotError, UnknownNameError
-from armtempo.robots._model import Capsules, Floats
+from armtempo.robots._model import Capsules
 
 __all__ = ["ANALYTIC_TOLERANCE", "GJK_TOLERANCE", "SHAPE_KINDS", "Shape", "make_shape", "pack", "static_shape"]
 
@@ -50,7 +51,7 @@ class Shape:
     """capsule, cylinder: radius, length of the axis; sphere: radius; box: x, y, z; convex: empty [m]."""
     vertices: Floats | None = None
     """convex: (v, 3) in the shape's frame [m]."""
-    faces: NDArray[np.int64] | None = None
+    faces: Ints | None = None
     """convex: (f, 3) triangles, normals outwards."""
     points: Floats
     """(m, 3) in the link's frame. No point of the shape moves farther than the farthest-moving of these."""
@@ -137,7 +138,7 @@ def _box_corners(low: Floats, high: Floats) -> Floats:
 
 class _Hull(NamedTuple):
     vertices: Floats
-    faces: NDArray[np.int64]
+    faces: Ints
     corners: Floats
     capsule: tuple[Floats, Floats, float]
 

@@ -15,8 +15,8 @@ from typing import Any, Final, Literal, NoReturn
 import numpy as np
 import yourdfpy
 
+from armtempo.arrays import Floats
 from armtempo.errors import RobotError
-from armtempo.robots._model import Floats
 from armtempo.robots._shapes import Shape, load_mesh, make_shape
 
 __all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "merge_inertia", "read_urdf"]

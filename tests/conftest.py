@@ -11,14 +11,13 @@ import numpy as np
 import pybullet_data
 import pytest
 from hypothesis import settings
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from armtempo.arrays import Floats
 from armtempo.configs import CellConfig, data_path
 from armtempo.planners import BlendCell, Cell, IKCell, JointPath, build_cell, load_cell
 from armtempo.robots import Arm
-
-Floats = NDArray[np.float64]
 
 os.environ["ARMTEMPO_CACHE"] = "off"  # tests find out for themselves
 settings.register_profile("untimed", parent=settings(), deadline=None)  # first examples compile, machines are busy

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent, save_agent, shipped_agents
-from armtempo.agents._export import agent_of
+from armtempo.agents.training._export import agent_of
 from armtempo.envs import ENTRIES
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError
 from armtempo.planners import Cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtempo.agents._bootstrap import mean_interval, ratio_interval
+from armtempo.agents.evaluation._bootstrap import mean_interval, ratio_interval
 
 
 def test_the_interval_of_a_mean_is_that_of_the_normal_law() -> None:

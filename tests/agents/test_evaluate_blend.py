@@ -100,7 +100,7 @@ def test_cubics_of_another_shape_meet_smooth_baselines(lee2006: BlendCell) -> No
 
 
 def test_results_are_numbers_with_units(evaluation: BlendEvaluation) -> None:
-    from armtempo.commands._output import plain
+    from armtempo.commands.console._output import plain
 
     data = json.loads(json.dumps(plain(evaluation.to_dict()), allow_nan=False))
     assert data["piece_lengths_m"] == pytest.approx([0.25, 0.270321, 0.351920, 0.269653, 0.526930], abs=1e-6)

@@ -115,7 +115,7 @@ def test_the_law_at_every_tick_and_its_gains_scheduled(evaluation: IKEvaluation,
 
 
 def test_results_are_numbers_with_units(evaluation: IKEvaluation) -> None:
-    from armtempo.commands._output import plain
+    from armtempo.commands.console._output import plain
 
     data = json.loads(json.dumps(plain(evaluation.to_dict()), allow_nan=False))
     assert data["control_period_s"] == 0.01

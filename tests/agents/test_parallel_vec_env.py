@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
+
+from armtempo.arrays import Floats32
 
 pytest.importorskip("stable_baselines3")
 
@@ -23,7 +24,6 @@ from armtempo.errors import InputError
 from armtempo.planners import Cell
 
 pytestmark = pytest.mark.rl
-Floats = NDArray[np.float32]
 
 
 class Countdown(ParallelEnv[str, Any, Any]):  # type: ignore[misc]
@@ -45,7 +45,7 @@ class Countdown(ParallelEnv[str, Any, Any]):  # type: ignore[misc]
     def action_space(self, agent: str) -> Box:
         return Box(-1.0, 1.0, (1,))
 
-    def _seen(self) -> dict[str, Floats]:
+    def _seen(self) -> dict[str, Floats32]:
         return {a: np.array([int(a[1:]), self.step_number, self.seeds[-1] or 0], np.float32) for a in self.agents}
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
@@ -53,7 +53,7 @@ class Countdown(ParallelEnv[str, Any, Any]):  # type: ignore[misc]
         self.agents, self.step_number = self.possible_agents[:], 0
         return self._seen(), {a: {"options": options} for a in self.agents}
 
-    def step(self, actions: dict[str, Floats]) -> tuple[Any, ...]:
+    def step(self, actions: dict[str, Floats32]) -> tuple[Any, ...]:
         assert set(actions) == set(self.agents)
         self.taken.append({a: float(action[0]) for a, action in actions.items()})
         self.step_number += 1
@@ -70,7 +70,7 @@ class Countdown(ParallelEnv[str, Any, Any]):  # type: ignore[misc]
     def close(self) -> None: ...
 
 
-def actions(env: ParallelVecEnv) -> Floats:
+def actions(env: ParallelVecEnv) -> Floats32:
     return np.linspace(-1.0, 1.0, env.num_envs, dtype=np.float32)[:, None]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from armtempo.agents import SweepTrial, sweep
-from armtempo.agents._sweep_objective import gap_of
+from armtempo.agents.training._sweep_objective import gap_of
 from armtempo.configs import SweepConfig, TrainConfig, load_sweep_config, trial_training
 from armtempo.errors import ConfigError, InputError, UnknownNameError
 

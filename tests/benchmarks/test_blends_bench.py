@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.planners import CURVES, Blend, BlendedPath, Line, blend, least_time_blend, passing_cost
-from armtempo.planners import _length_mapping as mapping
+from armtempo.planners.blends import _length_mapping as mapping
 from armtempo.robots import njit
 
-Floats = NDArray[np.float64]
 TICKS = 1_000_000
 
 

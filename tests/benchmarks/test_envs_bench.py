@@ -21,7 +21,7 @@ from armtempo.envs import (
     Physics,
     YieldingEnv,
 )
-from armtempo.envs._scene import Scene
+from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import BlendCell, Cell, IKCell, build_cell
 
 RESET_MS = 2.0

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from armtempo.arrays import Floats
 from armtempo.planners import INTEGRATORS, FeedbackIK, PoseTarget
 
-Floats = NDArray[np.float64]
 RUNS = int(os.environ.get("ARMTEMPO_BENCH_RUNS", "1000"))
 
 

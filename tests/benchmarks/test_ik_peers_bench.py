@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.planners import INTEGRATORS, FeedbackIK, IKRun, NewtonIK, PoseTarget
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 STEP, STEPS = 0.002, 500
 ARMS: dict[str, tuple[Path, str | None, list[float]]] = {
     "puma": (data_path("robots/puma560.urdf"), None, [0.2, 0.5, -0.6, 0.3, 0.9, 0.1]),

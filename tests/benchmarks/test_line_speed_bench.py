@@ -13,25 +13,24 @@ from typing import Any
 import casadi
 import numpy as np
 import toppra
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from armtempo.arrays import Floats
 from armtempo.planners import Arc, BlendedPath, Line, LineSpeedLimits, LineSpeedProfile, limit_aware_profile
 
-Array = NDArray[np.float64]
 PATHS = int(os.environ.get("ARMTEMPO_BENCH_PATHS", "300"))
 OPTIMA = int(os.environ.get("ARMTEMPO_BENCH_OPTIMA", "100"))
 SHARP = (443, 706, 834, 5138)  # with peaks between the samples, once missed
 TABLE = 30
 
 
-def _unit(v: Array) -> Array:
+def _unit(v: Floats) -> Floats:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def corners(seed: int, count: int = 4) -> tuple[Array, Array]:
+def corners(seed: int, count: int = 4) -> tuple[Floats, Floats]:
     """Points of a polyline in 3-D, and remaining distances for its corners."""
     rng = np.random.default_rng(seed)
     points = [rng.uniform(-0.5, 0.5, 3)]
@@ -226,11 +225,11 @@ def toppra_and_ruckig(path: BlendedPath, limits: LineSpeedLimits, every: float =
     speed = np.minimum(limits.speed, np.sqrt(limits.normal / np.maximum(bend, 1e-12)))
     way = toppra.SplineInterpolator(grid, grid[:, None])
 
-    def bounds(s: float) -> Array:
+    def bounds(s: float) -> Floats:
         cap = float(np.interp(s, grid, speed))
         return np.array([[-cap, cap]])
 
-    def pull(s: float) -> Array:
+    def pull(s: float) -> Floats:
         return np.array([[-limits.acceleration, limits.acceleration]])
 
     constraints = [
@@ -269,7 +268,7 @@ def toppra_and_ruckig(path: BlendedPath, limits: LineSpeedLimits, every: float =
     return np.inf, np.nan
 
 
-def pilz(points: Array, remaining: Array, limits: LineSpeedLimits) -> tuple[float, float, float, float]:
+def pilz(points: Floats, remaining: Floats, limits: LineSpeedLimits) -> tuple[float, float, float, float]:
     """Moves from stop to stop, blended in time: x1 + alpha (x2 - x1). Duration stretched and not, worst ratios then."""
     legs = np.diff(points, axis=0)
     lengths = np.linalg.norm(legs, axis=1)

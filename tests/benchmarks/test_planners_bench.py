@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.planners import (
     METHODS,
@@ -23,8 +23,6 @@ from armtempo.planners import (
     schedule,
 )
 from armtempo.robots import Arm
-
-Floats = NDArray[np.float64]
 
 
 def best(function: Callable[[], object], repeat: int = 7) -> float:

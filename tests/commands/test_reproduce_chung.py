@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armtempo.commands import main
-from armtempo.commands._chung import POSTURE, UNCAPPED, _noisy, _printed_law, papers_path, still
+from armtempo.commands.papers.chung._run import POSTURE, UNCAPPED, _noisy, _printed_law, papers_path, still
 from armtempo.configs import data_path
 from armtempo.planners import FeedbackIK, IKCell, PoseTarget, SphericalWristIK
 from armtempo.robots import Arm

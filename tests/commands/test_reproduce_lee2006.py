@@ -71,7 +71,7 @@ def test_every_figure_of_the_paper_is_drawn(folder: Path) -> None:
 
 def test_the_jump_at_a_blend_is_that_of_the_curvature() -> None:
     """A second difference is curvature x step^2: 25 um at lambda = 1."""
-    from armtempo.commands._lee2006_figures import _variations
+    from armtempo.commands.papers.lee2006._figures import _variations
     from armtempo.planners import BlendedPath
 
     path = BlendedPath.through([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.3, 0.0]], 0.15, shape_factor=1.0)
@@ -82,7 +82,7 @@ def test_the_jump_at_a_blend_is_that_of_the_curvature() -> None:
 
 def test_errors_too_small_to_draw_are_written(lee2006: BlendCell) -> None:
     from armtempo.agents import evaluate_blend
-    from armtempo.commands._blend_figures import blended_path
+    from armtempo.commands.figures._blend import blended_path
 
     for error in (0.0, 0.1):
         written = error == 0.0

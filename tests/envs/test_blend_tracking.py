@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from armtempo.agents import highest_rate
+from armtempo.arrays import Floats32
 from armtempo.envs import BLEND_ENTRIES, MAPPINGS, PHYSICS, BlendTrackingEnv, Physics
 from armtempo.errors import ActionError, ConfigError, InputError, PathError, RenderError, UnknownNameError
 from armtempo.planners import PATH_FAMILIES, BlendCell, Cell, FamilyName, draw_path, motion_demand
@@ -20,7 +20,7 @@ STOP = -np.ones(1, dtype=np.float32)
 NAMES = [entry.name for entry in BLEND_ENTRIES]
 
 
-def run(env: BlendTrackingEnv, *actions: NDArray[np.float32], **reset: Any) -> tuple[dict[str, float], dict[str, Any]]:
+def run(env: BlendTrackingEnv, *actions: Floats32, **reset: Any) -> tuple[dict[str, float], dict[str, Any]]:
     """To the end, the last action over and over: sums of the reward's terms, and the last info."""
     env.reset(**reset)
     sums: dict[str, float] = {}
@@ -395,7 +395,7 @@ def test_a_puma_follows_blended_paths_too(tmp_path: Any) -> None:
 
 def test_contour_errors_are_distances_from_the_path(lee2006: BlendCell) -> None:
     """Against the nearest of many samples, for tips 2.5 to 5 mm off and up to 5 mm behind their reference."""
-    from armtempo.envs._tracking_kernels import nearest_station
+    from armtempo.envs.blend._kernels import nearest_station
 
     path, random = lee2006.blended, np.random.default_rng(0)
     station = np.linspace(0.0, path.length, 200_001)

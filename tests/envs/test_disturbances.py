@@ -17,7 +17,7 @@ from armtempo.envs import (
     Disturbance,
     YieldingEnv,
 )
-from armtempo.envs._random import normal, uniform
+from armtempo.envs.common._random import normal, uniform
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, ScheduleExecution, schedule
 

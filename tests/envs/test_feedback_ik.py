@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats32
 from armtempo.envs import ACTION_MODES, PHYSICS, FeedbackIKEnv, Physics, ik_entries
-from armtempo.envs._ik_kernels import allowed_speeds, rotation_vector
+from armtempo.envs.ik._kernels import allowed_speeds, rotation_vector
 from armtempo.errors import ActionError, ConfigError, InputError, RenderError, UnknownNameError
 from armtempo.planners import TARGET_FAMILIES, BlendCell, Cell, IKCell, TargetFamilyName
 
@@ -23,7 +23,7 @@ PLAIN = np.zeros(4, dtype=np.float32)
 NAMES = [entry.name for entry in ik_entries(6)]
 
 
-def run(env: FeedbackIKEnv, *actions: NDArray[np.float32], **reset: Any) -> tuple[dict[str, float], dict[str, Any]]:
+def run(env: FeedbackIKEnv, *actions: Floats32, **reset: Any) -> tuple[dict[str, float], dict[str, Any]]:
     """To the end, the last action over and over: sums of the reward's terms, and the last info."""
     env.reset(**reset)
     sums: dict[str, float] = {}
@@ -137,7 +137,7 @@ def test_a_joint_stops_at_its_limit_in_the_simulation(chung: IKCell) -> None:
     assert not info["is_success"]
 
 
-def held_signs(random: np.random.Generator, joints: int, periods: int) -> list[NDArray[np.float32]]:
+def held_signs(random: np.random.Generator, joints: int, periods: int) -> list[Floats32]:
     """Full speeds, whose signs change every so many periods."""
     return [a for signs in random.choice([-1.0, 1.0], (12, joints)) for a in [signs.astype(np.float32)] * periods]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from armtempo.envs import EpisodeTrace, Simulation
-from armtempo.envs._bullet import pybullet
-from armtempo.envs._scene import Scene
+from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import Cell, build_cell
 from armtempo.robots import Arm
 

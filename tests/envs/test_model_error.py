@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Simulation
-from armtempo.envs._bullet import pybullet
+from armtempo.envs.bodies._bullet import pybullet
 from armtempo.planners import Cell, build_cell
 from armtempo.robots import Arm
 

@@ -6,17 +6,17 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats32
 from armtempo.envs import ENTRIES, MODES, OTHER, OTHERS, OWN, PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.envs._observation import share
+from armtempo.envs.common._entries import share
 from armtempo.planners import Cell, Mode, schedule
 
 NAMES = [entry.name for entry in ENTRIES]
 FLOAT32 = 1e-6
 
 
-def _entry(row: NDArray[np.float32], name: str) -> float:
+def _entry(row: Floats32, name: str) -> float:
     return float(row[NAMES.index(name)])
 
 
@@ -41,7 +41,7 @@ def test_in_the_space_over_whole_random_episodes(lee1991: Cell, physics: Physics
     random = np.random.default_rng(5)
     for episode in range(4):
         observations, _ = env.reset(seed=episode)
-        kept: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+        kept: list[tuple[Floats32, Floats32]] = []
         while env.agents:
             for agent, row in observations.items():
                 assert row.dtype == np.float32

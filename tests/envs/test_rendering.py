@@ -7,14 +7,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from armtempo.envs import CoordinationEnv, Renderer, YieldingEnv, _renderer
-from armtempo.envs._renderer import COLOURS, HEIGHT, WIDTH, egl_available
+from armtempo.arrays import Bools
+from armtempo.envs import CoordinationEnv, Renderer, YieldingEnv
+from armtempo.envs.bodies import _renderer
+from armtempo.envs.bodies._renderer import COLOURS, HEIGHT, WIDTH, egl_available
 from armtempo.errors import RenderError
 from armtempo.planners import Cell, IKCell
-from armtempo.planners._pose_motions import harmonic
+from armtempo.planners.geometry._pose_motions import harmonic
 
 
-def _pixels_of(picture: NDArray[np.uint8], arm: int) -> NDArray[np.bool_]:
+def _pixels_of(picture: NDArray[np.uint8], arm: int) -> Bools:
     """Where the picture shows an arm: pixels of its hue, stronger than the pale beads of its path."""
     colour = np.array(COLOURS[arm][:3])
     shown = picture / 255.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.envs._reward import collision_reward, progress_reward, time_reward
+from armtempo.envs.common._rewards import collision_reward, progress_reward, time_reward
 from armtempo.planners import Cell, Mode
 
 LATE = 0.15  # at full speed of both, no violation

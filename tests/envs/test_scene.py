@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from armtempo.envs import CoordinationEnv, Simulation, YieldingEnv
-from armtempo.envs._scene import Scene
+from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import Cell, load_cell
 from armtempo.robots import Arm
 

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats, Ints
 from armtempo.envs import CoordinationEnv, Shield, Simulation, YieldingEnv, shield_trial
-from armtempo.envs._shield_kernels import stops_before
-from armtempo.envs._world import World, steps_of
+from armtempo.envs.coordination.shield._kernels import stops_before
+from armtempo.envs.coordination.world._world import World, steps_of
 from armtempo.planners import Cell, CoordinationChart, benchmark_instances, build_cell, load_cell, phase_kernels
-
-Array = NDArray[np.float64]
 
 PARTS = 64  # of a tick, in each of which the arms sweep a box of the chart
 FULL = np.ones(1, dtype=np.float32)
@@ -34,10 +32,10 @@ def pulled_on() -> Cell:
     return instance("planar-1991-0064")
 
 
-def touches(chart: CoordinationChart, a: Array, b: Array) -> bool:
+def touches(chart: CoordinationChart, a: Floats, b: Floats) -> bool:
     """Whether one of the boxes between neighbours of two motions touches the inside of a cell that is not free."""
 
-    def cells(places: Array, step: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def cells(places: Floats, step: float) -> tuple[Ints, Ints]:
         first = np.floor(places[:-1] / step + 1e-9).astype(np.int64)
         last = np.maximum(np.ceil(places[1:] / step - 1e-9).astype(np.int64) - 1, first)
         return np.minimum(first, chart.resolution - 1), np.minimum(last, chart.resolution - 1)
@@ -47,7 +45,7 @@ def touches(chart: CoordinationChart, a: Array, b: Array) -> bool:
     return any(bool(chart.states[p : q + 1, r : s + 1].any()) for p, q, r, s in boxes)
 
 
-def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: int) -> Array:
+def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: int) -> Floats:
     """Places of one period, so many to a tick that the arms hardly move from one to the next."""
     out, speeds = np.empty(PARTS * ticks), np.empty(PARTS * ticks)
     tick = world.tick / PARTS

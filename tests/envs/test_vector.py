@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats32
 from armtempo.envs import (
     BatchSimulation,
     CoordinationEnv,
@@ -42,7 +42,7 @@ CASES: list[dict[str, Any]] = [
 ]
 
 
-def _actions(generator: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.float32]:
+def _actions(generator: np.random.Generator, shape: tuple[int, ...]) -> Floats32:
     """Of different tempers, so that some collide, some arrive and some run out of time."""
     low = np.linspace(-1.2, 0.9, shape[0]).reshape((-1,) + (1,) * (len(shape) - 1))
     return generator.uniform(np.broadcast_to(low, shape), 1.0).astype(np.float32)

@@ -12,11 +12,11 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.planners import CoordinationChart, JointPath, PathDynamics, PhasePlane, TimingProblem
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 VERTICAL = (0.0, -9.81, 0.0)  # gravity in the plane of motion
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
 from armtempo.planners import Cell, Mode, PathDynamics, PhasePlane, PhaseTrajectory
 
-Floats = NDArray[np.float64]
 SplineDynamics = Callable[..., PathDynamics]
 MODES: tuple[Mode, ...] = get_args(Mode)
 PERIODS = (1 / 240, 0.001, 0.004, 0.0003, 0.013, 0.1)

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.planners import Cell, JointPath
-from armtempo.planners._arm_sweep import ArmSweep, swept_displacements
+from armtempo.planners.charts._arm_sweep import ArmSweep, swept_displacements
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]
 FINEST = 64
 

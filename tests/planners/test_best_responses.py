@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from armtempo.arrays import Bools
 from armtempo.errors import InfeasibleError
 from armtempo.planners import PathDynamics, PhasePlane, TimingProblem
-from armtempo.planners._best_responses import optimal, prioritised
-from armtempo.planners._start_delays import delayed, offset, one_by_one
-from armtempo.planners._stop_and_go import has_path, rest_to_rest, stop_and_go
-from armtempo.planners._timing_problem import Motions, makespan
+from armtempo.planners.coordination._best_responses import optimal, prioritised
+from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
+from armtempo.planners.coordination._stop_and_go import has_path, rest_to_rest, stop_and_go
+from armtempo.planners.coordination._timing_problem import Motions, makespan
 from armtempo.robots import njit
 
 Problems = Callable[..., TimingProblem]
@@ -58,7 +59,7 @@ def test_one_block_is_the_optimum_of_the_paper(make_problem: Problems) -> None:
 
 
 @njit
-def _together(shut: NDArray[np.bool_], steps_per_second: int, most: int) -> int:
+def _together(shut: Bools, steps_per_second: int, most: int) -> int:
     """Steps until both arrive at rest, u in -1, 0, 1 for each per step, or -1; eight boxes per step must be free."""
     units = 2 * steps_per_second**2
     speeds = steps_per_second + 2
@@ -160,7 +161,7 @@ def test_f_g_delay_is_best_where_priority_is_uniform_and_nothing_is_below_the_bo
 # -- every instance gets an answer ------------------------------------------------------------------------------------
 
 
-def monotone_path(free: NDArray[np.bool_], *, kings: bool) -> bool:
+def monotone_path(free: Bools, *, kings: bool) -> bool:
     reached = np.zeros_like(free)
     for i in range(len(free)):
         for j in range(len(free)):

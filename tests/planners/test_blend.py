@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from armtempo.errors import ArmtempoError, InputError, PathError, UnknownNameError
 from armtempo.planners import CURVES, Arc, Blend, BlendedPath, Line, blend, least_time_blend, passing_cost
 
-Floats = NDArray[np.float64]
 NAMED = tuple(CURVES)
 
 

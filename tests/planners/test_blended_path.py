@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from armtempo.arrays import Floats
 from armtempo.errors import ArmtempoError, InputError, PathError
 from armtempo.planners import Arc, Blend, BlendedPath, Line, arc_length, blend, blended_point
-
-Floats = NDArray[np.float64]
 
 
 def scara(remaining: float = 0.15, **options: object) -> BlendedPath:
@@ -72,7 +70,7 @@ def test_the_inverse_of_the_length_is_exact(phi: float, ratio: float, curve: str
 
 
 def parameter(made: Blend, s: float) -> float:
-    from armtempo.planners._blend_kernels import curve_parameter
+    from armtempo.planners.blends._kernels_all import curve_parameter
 
     return curve_parameter(made.packed, 0, s)
 

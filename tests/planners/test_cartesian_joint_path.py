@@ -15,9 +15,10 @@ import pybullet_data
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path, robot_config
 from armtempo.errors import InputError, PathError, UnknownNameError
 from armtempo.planners import (
@@ -41,7 +42,6 @@ pin: Any = importlib.import_module("pinocchio")  # without types of its own
 ta: Any = importlib.import_module("toppra")
 constraint: Any = importlib.import_module("toppra.constraint")
 
-Floats = NDArray[np.float64]
 STARTS = {
     "puma": (0.3, 0.8, -2.9, 0.2, 1.0, 0.1),
     "panda": (0.2, 0.3, 0.1, -2.0, 0.1, 2.2, 0.785),
@@ -322,7 +322,7 @@ def test_through_a_singular_wrist() -> None:
 def test_a_straight_wrist_is_no_end_of_the_workspace(alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Axes 4 and 6 come into line within the reach: the damped tracker gets there, but slowly. Two things tell."""
     if alone == "closed form":
-        monkeypatch.setattr("armtempo.planners._cartesian_joint_path.FALLING", 1.0)
+        monkeypatch.setattr("armtempo.planners.joint_paths._cartesian_joint_path.FALLING", 1.0)
     else:
         monkeypatch.setattr(CartesianJointPath, "_in_closed_form", lambda *_: False)
     free = [None, None, None, (-6.0, 6.0), None, (-6.0, 6.0)]

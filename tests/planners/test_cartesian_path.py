@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
 from armtempo.planners import Arc, CartesianPath, Line, Segment
 
-Floats = NDArray[np.float64]
 point = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
 
 

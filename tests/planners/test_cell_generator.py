@@ -23,7 +23,7 @@ from armtempo.planners import (
     label_cell,
     schedule,
 )
-from armtempo.planners._benchmark_set import draw_benchmark
+from armtempo.planners.instances._benchmark_set import draw_benchmark
 
 IN_ANOTHER_PROCESS = """
 import json

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Ints
 from armtempo.errors import InputError
 from armtempo.planners import Cell, CoordinationChart
 
-Floats = NDArray[np.float64]
 FREE = 0
 
 
-def chart_of(states: list[list[int]] | NDArray[np.int64], a: float = 1.0, b: float = 1.0) -> CoordinationChart:
+def chart_of(states: list[list[int]] | Ints, a: float = 1.0, b: float = 1.0) -> CoordinationChart:
     return CoordinationChart(states=np.array(states, dtype=np.uint8), length_a=a, length_b=b, d_min=0.0)
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
 from armtempo.planners import ClosedFormIK, FeedbackIK, NewtonIK, PoseTarget, ResolvedRateIK, SphericalWristIK
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 MIDDLE, AMPLITUDE = np.array([0.45, -0.05, 0.55]), np.array([0.25, 0.45, 0.45])
 UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 

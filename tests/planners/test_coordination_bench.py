@@ -68,6 +68,6 @@ def test_a_colliding_plan_is_reported(lee1991: Cell, labels: CellLabels, monkeyp
     def careless(cell: Cell, method: str, **_: object) -> object:
         return dataclasses.replace(schedule(cell, method), trajectories=cell.fastest)
 
-    monkeypatch.setattr("armtempo.planners._coordination_bench.schedule", careless)
+    monkeypatch.setattr("armtempo.planners.instances._bench.schedule", careless)
     (result,) = bench_cell(lee1991, labels, ("delay",), engine="coal")
     assert result.violations == ("clearance",)

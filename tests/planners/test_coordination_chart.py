@@ -7,13 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from armtempo.errors import InputError
 from armtempo.planners import Arc, CartesianPath, Cell, CoordinationChart, JointPath, PathDynamics, TwoLinkPath
 from armtempo.robots import Arm, Clearance, Tool
 
-Floats = NDArray[np.float64]
 FREE, UNDECIDED, BLOCKED = 0, 1, 2
 
 

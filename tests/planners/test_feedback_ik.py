@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
 from armtempo.planners import FeedbackIK, IKGains, IKRun, Integrator, PoseTarget, SphericalWristIK
-from armtempo.planners import _feedback_ik_kernels as loops
-from armtempo.planners._feedback_ik import ranges_near_zero
+from armtempo.planners.ik import _kernels_all as loops
+from armtempo.planners.ik._feedback import ranges_near_zero
 from armtempo.robots import Arm, Tool
 
-Floats = NDArray[np.float64]
 DATA = Path(pybullet_data.getDataPath())
 FAST = np.full(6, 1e4)
 Q = np.array([0.2, 0.5, -0.6, 0.3, 0.9, 0.1])  # far from all singularities

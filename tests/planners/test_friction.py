@@ -11,9 +11,9 @@ import pybullet_data
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InfeasibleError
 from armtempo.planners import (
@@ -27,7 +27,6 @@ from armtempo.planners import (
 )
 from armtempo.robots import Arm, njit
 
-Floats = NDArray[np.float64]
 UPRIGHT = (0.0, -9.81, 0.0)  # gravity in the plane of motion
 LIMITS = (80.0, 20.0)
 SLOW_LIMITS = (30.0, 8.0)

@@ -13,16 +13,14 @@ import yaml
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from armtempo.configs import IKCellConfig, parse_cell_config
 from armtempo.errors import CollisionError, ConfigError, InfeasibleError, InputError, PathError, UnknownNameError
 from armtempo.planners import TARGET_FAMILIES, Cell, IKCell, SphericalWristIK, build_cell, draw_target, load_cell
-from armtempo.planners._pose_motions import JointMotion, smooth_step, through_poses
+from armtempo.planners.geometry._pose_motions import JointMotion, smooth_step, through_poses
 from armtempo.robots import Arm, Clearance
 
-Floats = NDArray[np.float64]
 FAMILIES = TARGET_FAMILIES[1:]
 ARMS: dict[str, tuple[str, str | None, list[float]]] = {
     "puma": ("puma560.urdf", None, [0, -0.5, 0.5, 0, 0.7, 0]),
@@ -155,7 +153,7 @@ def test_variants_of_a_cell_are_checked(chung: IKCell) -> None:
 
 
 def test_an_arm_too_weak_for_any_target_says_so(chung: IKCell, monkeypatch: pytest.MonkeyPatch) -> None:
-    from armtempo.planners import _pose_families
+    from armtempo.planners.cells import _pose_families
 
     monkeypatch.setattr(_pose_families, "DRAWS", 5)
     monkeypatch.setattr(_pose_families, "LOAD", 1e-3)

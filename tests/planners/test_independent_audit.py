@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import ENGINES, Cell, audit_clearance, default_engine, load_cell, schedule
-from armtempo.planners._independent_audit import COAL_ERROR, _bullet_error, _by_coal, _by_pybullet
+from armtempo.planners.schedules._audit import COAL_ERROR, _bullet_error, _by_coal, _by_pybullet
 from armtempo.robots import Shape, pack_bodies, separation, static_shape
 
 

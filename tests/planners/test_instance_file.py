@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import Cell, Instance, label_cell, load_instance, save_instance, schedule
-from armtempo.planners._instance_file import COEFFICIENTS, pack_states, unpack_states
+from armtempo.planners.instances._instance_file import COEFFICIENTS, pack_states, unpack_states
 
 
 @pytest.fixture(scope="module")

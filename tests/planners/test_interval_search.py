@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Bools, Ints
 from armtempo.errors import InfeasibleError
 from armtempo.planners import PathDynamics, PhasePlane, PhaseTrajectory, TimingProblem
-from armtempo.planners._best_responses import prioritised
-from armtempo.planners._start_delays import offset, start_offset
-from armtempo.planners._time_windows import pair_is_free
+from armtempo.planners.coordination._best_responses import prioritised
+from armtempo.planners.coordination._start_delays import offset, start_offset
+from armtempo.planners.coordination._time_windows import pair_is_free
 from armtempo.robots import njit
 
 Problems = Callable[..., TimingProblem]
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def respond(problem: TimingProblem, master: PhaseTrajectory) -> PhaseTrajectory:
@@ -106,7 +104,7 @@ def test_stations_that_are_far_apart_cost_little(make_problem: Problems) -> None
 
 
 @njit
-def _brute(shut: NDArray[np.bool_], column_low: Ints, column_high: Ints, units: int) -> int:
+def _brute(shut: Bools, column_low: Ints, column_high: Ints, units: int) -> int:
     """Steps to arrive with u in -1, 0, 1 per step, or -1; places in dt^2/2, speeds in dt; boxes of a step are free."""
     fastest = int(np.sqrt(units)) + 2
     now = np.zeros((units + 1, fastest), np.bool_)

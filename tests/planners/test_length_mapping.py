@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
 from armtempo.planners import (
     Blend,
@@ -22,7 +22,6 @@ from armtempo.planners import (
     rk4_length,
 )
 
-Floats = NDArray[np.float64]
 SPEED = 1.0  # m/s
 
 
@@ -114,7 +113,7 @@ def hundred_corners() -> BlendedPath:
     return BlendedPath.through(np.vstack([np.zeros(3), points]), 0.03)
 
 
-def travelled(path: BlendedPath, piece: NDArray[np.int64], u: Floats) -> Floats:
+def travelled(path: BlendedPath, piece: Ints, u: Floats) -> Floats:
     """True length behind each tick, by quadrature."""
     out = np.empty(len(u))
     for k, part in enumerate(path.pieces):

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, PhasePlane, TwoLinkPath, minimum_time
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 SplineDynamics = Callable[..., PathDynamics]
 
 ta: Any = importlib.import_module("toppra")

@@ -12,12 +12,12 @@ import pybullet
 import pytest
 from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InputError
 from armtempo.planners import Cell, CoordinationChart, JointPath, clearance_table, tabulated_clearance
-from armtempo.planners._arm_sweep import ArmSweep
+from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.robots import Arm, Clearance, Shape
 
-Floats = NDArray[np.float64]
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]
 FREE, UNDECIDED, BLOCKED = 0, 1, 2
 D_MIN = 0.02

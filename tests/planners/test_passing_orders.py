@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from armtempo.arrays import Ints
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationChart, PassingOrders, Precedence
 
@@ -50,7 +51,7 @@ def test_limits_are_those_of_the_cells(chart: CoordinationChart) -> None:
                 assert found == expected
 
 
-def walk_exists(chart: CoordinationChart, orders: PassingOrders, row: NDArray[np.int64]) -> bool:
+def walk_exists(chart: CoordinationChart, orders: PassingOrders, row: Ints) -> bool:
     """Exhaustive: a monotone walk over free cells from corner to corner that passes every region on its side."""
     free = chart.states == 0
     for region, order in zip(orders.regions, row, strict=True):

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InputError
 from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, TwoLinkPath
 from armtempo.robots import Arm
-
-Floats = NDArray[np.float64]
 
 
 def appendix(q: Floats, qd: Floats, qdd: Floats) -> Floats:

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners import Cell, PathDynamics, PhasePlane, PhaseTrajectory, minimum_time
-
-Floats = NDArray[np.float64]
 
 
 def test_time_and_place_are_inverse(lee1991: Cell) -> None:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Cell, CoordinationChart, PhaseTrajectory, Precedence
 
-Floats = NDArray[np.float64]
 CELLS = 24
 
 

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners import Cell, JointPath, Mode, PathDynamics, PhasePlane, PhaseTrajectory, phase_kernels
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 MODES: tuple[Mode, ...] = get_args(Mode)
 PERIODS = (0.0003, 0.001, 1 / 240, 0.016, 0.1)
 FRICTION = ((0.0, 0.0), (0.3, 0.0), (1.0, 0.0), (0.3, 0.4), (0.0, 2.0))  # viscous, dry

@@ -8,14 +8,12 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from armtempo.configs import LimitsConfig, data_path
 from armtempo.errors import InfeasibleError, PathError, UnknownNameError
 from armtempo.planners import Arc, BlendCell, BlendedPath, CartesianPath, Line, ScaraPath, build_cell
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 Elbow = Literal["positive", "negative"]
 ELBOWS: tuple[Elbow, ...] = ("positive", "negative")
 TEXT = data_path("robots/scara_800.urdf").read_text()

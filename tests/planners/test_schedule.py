@@ -11,12 +11,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, Cell, CoordinationChart, Schedule, load_cell, makespan_bound, schedule
-
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -282,7 +280,7 @@ def test_vci_falls_back_on_interval_and_says_so(lee1991: Cell, monkeypatch: pyte
     def gives_up(*_: object) -> NoReturn:
         raise refusal
 
-    monkeypatch.setattr("armtempo.planners._schedule.plan_vci", gives_up)
+    monkeypatch.setattr("armtempo.planners.schedules._schedule.plan_vci", gives_up)
     plan = schedule(lee1991, "vci")
     assert plan.fallback == "interval"
     assert plan.vci is None

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from armtempo.arrays import Bools, Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
 from armtempo.planners import SphericalWristIK
 from armtempo.robots import Arm, Tool
 
 
-def finite(answers: NDArray[np.float64]) -> NDArray[np.bool_]:
+def finite(answers: Floats) -> Bools:
     return np.asarray(np.isfinite(answers).all(axis=-1))
 
 

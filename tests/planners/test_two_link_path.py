@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import PathError
 from armtempo.planners import Arc, CartesianPath, Line, TwoLinkPath, path_point
 from armtempo.robots import Arm
 
-Floats = NDArray[np.float64]
 MakeArm = Callable[..., Arm]
 Elbow = Literal["positive", "negative"]
 BENT = data_path("robots/planar_two_link.urdf").read_text()

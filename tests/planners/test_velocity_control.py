@@ -7,12 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners import Cell, CoordinationChart, Mode, PhaseTrajectory, VciPlan, VelocityControl
-
-Floats = NDArray[np.float64]
 
 
 def wall(like: CoordinationChart, release: float, place: float) -> CoordinationChart:

@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, PathError
 from armtempo.planners import JointPath, WaypointPath
 from armtempo.robots import Arm
-
-Floats = NDArray[np.float64]
 
 
 def walk(seed: int, count: int, joints: int) -> Floats:

@@ -11,12 +11,11 @@ import numpy as np
 import pybullet
 import pybullet_data
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.errors import RobotError
-from armtempo.robots import Arm, Tool, kernels
-
-Floats = NDArray[np.float64]
+from armtempo.robots import Arm, Tool
+from armtempo.robots import _kernels as kernels
 
 pin: Any = importlib.import_module("pinocchio")  # without types of its own
 

@@ -16,13 +16,13 @@ import pybullet_data
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats
 from armtempo.errors import RobotError, UnknownNameError
-from armtempo.robots import Arm, Clearance, Shape, _clearance, kernels, shape_distance, static_shape
+from armtempo.robots import Arm, Clearance, Shape, _clearance, shape_distance, static_shape
+from armtempo.robots import _kernels as kernels
 
-Floats = NDArray[np.float64]
 SHAPE_KINDS = ("capsule", "sphere", "box", "cylinder", "convex")
 
 coal: Any = importlib.import_module("coal")  # without types of its own

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
-from numpy.typing import NDArray
 
+from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.robots import Arm, Clearance
 
@@ -45,7 +45,7 @@ def client() -> Iterator[int]:
     pybullet.disconnect(number)
 
 
-def states(arm: Arm, count: int) -> tuple[NDArray[np.float64], ...]:
+def states(arm: Arm, count: int) -> tuple[Floats, ...]:
     random = np.random.default_rng(0)
     q = random.uniform(arm.position_min, arm.position_max, (count, 6))
     return q, random.normal(size=q.shape), random.normal(size=q.shape)

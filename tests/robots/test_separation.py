@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from armtempo.arrays import Floats
 from armtempo.robots import Shape, pack_bodies, separation, static_shape
-
-Floats = NDArray[np.float64]
 
 coal: Any = importlib.import_module("coal")  # without types of its own
 

@@ -1,0 +1,132 @@
+"""Baseline policies: the planners of the field, acting through the same door as learned agents.
+
+``phase-plane``  every arm runs its path in minimum time, whatever the others do
+``vci``          velocity control intervals (Lee1991 section 2.4), on line: planned anew whenever something else is seen
+than was expected
+``random``       uniform actions
+and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``offset``, ``interval``,
+``optimal``), executed by precedence: whoever goes second somewhere is released by how far the first *is*, not by the
+clock. So is a plan of ``vci`` in which somebody passes first out of turn.
+
+What an agent sees tells where its own arm is, so in ``CoordinationEnv`` the observations of all agents are enough. Who
+acts for some agents only takes the other arm of a cell of two from their entries for it; of more arms the entries do
+not tell which is which, and their places are taken from the environment's simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import final
+
+import numpy as np
+
+from armtempo.agents.policies._policy import Actions, Observations, Policy, to_action
+from armtempo.arrays import Floats
+from armtempo.envs import OTHER, OWN, CoordinationEnv, share
+from armtempo.errors import UnknownNameError
+from armtempo.planners import METHODS, Cell, Execution, Mode, Schedule, execution_of, schedule
+
+_OWN = {entry.name: k for k, entry in enumerate(OWN)}
+_OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
+
+
+def _position(cell: Cell, arm: int, progress: float, speed: float) -> tuple[float, float]:
+    """``lam`` and ``mu`` of an arm from its entries of an observation."""
+    plane = cell.planes[arm]
+    lam = share(progress) * plane.length
+    return lam, share(speed) * plane.edge_speed(lam)
+
+
+def _states(observations: Observations, env: CoordinationEnv) -> tuple[Floats, Floats]:
+    """``lam``, ``mu`` (A,) of all arms as the agents see them; an arm whose agent has left is at its end."""
+    cell = env.cell
+    lam = np.array([plane.length for plane in cell.planes])
+    mu = np.zeros(len(lam))
+    seen = {int(agent.rsplit("_", 1)[1]): row for agent, row in observations.items()}
+    for arm, row in seen.items():
+        lam[arm], mu[arm] = _position(cell, arm, float(row[_OWN["progress"]]), float(row[_OWN["speed"]]))
+    for arm in set(range(len(lam))) - set(seen):
+        if len(lam) > 2:
+            lam[arm], mu[arm] = env.simulation.lam[arm], env.simulation.mu[arm]
+        elif seen and seen[1 - arm][_OTHER["present"]] > 0.5:
+            row = seen[1 - arm]
+            lam[arm], mu[arm] = _position(cell, arm, float(row[_OTHER["progress"]]), float(row[_OTHER["speed"]]))
+    return lam, mu
+
+
+@final
+class PhasePlanePolicy:
+    """Every arm in minimum time (Lee1991 section 2.2): the master's policy. For all arms at once it collides."""
+
+    def reset(self, seed: int | None = None) -> None:
+        """Nothing to forget."""
+
+    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
+        """Full speed."""
+        return {agent: to_action(1.0) for agent in observations}
+
+
+@final
+class RandomPolicy:
+    """Uniform actions."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Start the random numbers again."""
+        self._random = np.random.default_rng(seed)
+
+    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
+        """Draw one action for every agent."""
+        return {agent: self._random.uniform(-1.0, 1.0, 1).astype(np.float32) for agent in observations}
+
+
+@final
+class ExecutionPolicy:
+    """Acts by an execution of the planners, made anew where the meaning of a command changes.
+
+    Args:
+        make: Gives it for a mode: ``partial(execution_of, plan)``, ``partial(VciExecution, cell)``.
+    """
+
+    def __init__(self, make: Callable[[Mode], Execution]) -> None:
+        self._make = make
+        self._mode: Mode | None = None
+
+    def reset(self, seed: int | None = None) -> None:
+        """Forget the episode."""
+        self._mode = None
+
+    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
+        """The execution's commands, for those who act."""
+        if self._mode != env.mode:
+            self._execution, self._mode = self._make(env.mode), env.mode
+        commands = self._execution.commands(*_states(observations, env))
+        return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
+
+
+POLICIES = ("phase-plane", *METHODS, "random")
+
+
+def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
+    """A baseline by name.
+
+    Args:
+        name: One of ``POLICIES``.
+        cell: What it acts in.
+        plan: Its schedule, where it is known already.
+
+    Raises:
+        UnknownNameError: No such policy.
+        InfeasibleError: Its schedule does not exist in this cell.
+    """
+    if name == "phase-plane":
+        return PhasePlanePolicy()
+    if name == "random":
+        return RandomPolicy()
+    if name in METHODS:
+        plan = plan if plan is not None else schedule(cell, name)
+        return ExecutionPolicy(partial(execution_of, plan))
+    raise UnknownNameError("policy", name, POLICIES)

@@ -1,0 +1,216 @@
+"""Policies compared over many cells: on-line ones against the best classical one of each cell, under one shield."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
+from armtempo.agents.coordination._evaluate import ONLINE, clairvoyant_makespans, run_episode
+from armtempo.agents.evaluation._bootstrap import Interval, ratio_interval
+from armtempo.agents.policies._agent_file import is_agent_name
+from armtempo.agents.policies._learned import learned_policy
+from armtempo.agents.policies._policy import Policy
+from armtempo.envs import CoordinationEnv, Physics
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.planners import Cell, Schedule, execution_of, schedule
+
+FULL_SPEED, OPTIMAL = "full-speed", "optimal"
+SPLIT_POLICIES = (*ONLINE, OPTIMAL, FULL_SPEED)
+"""Classical on-line policies; the plan that knew the undisturbed cell; every arm at full speed, held by the shield."""
+Times = tuple[float | None, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellComparison:
+    """One cell.
+
+    Attributes:
+        cell: Its name.
+        priority_class: ``uniform``, ``mixed``...
+        makespans_s: By policy, the makespan of every episode [s]; None where an arm did not arrive or two came too
+            close. Policies without a plan here are left out.
+        violations: By policy, ticks below ``d_min``.
+        clairvoyant_s: Makespans of who knows each disturbance beforehand [s]; undisturbed: of ``optimal`` as planned.
+            None where none was found.
+    """
+
+    cell: str
+    priority_class: str
+    makespans_s: dict[str, Times]
+    violations: dict[str, int]
+    clairvoyant_s: tuple[float, ...] | None
+
+    @property
+    def best_online(self) -> str | None:
+        """The classical on-line policy with the smallest mean makespan of those that finished every episode."""
+        means = [(float(np.mean(times)), name) for name, times in self._finished() if name in ONLINE]
+        return min(means)[1] if means else None
+
+    def _finished(self) -> list[tuple[str, list[float]]]:
+        found = []
+        for name, times in self.makespans_s.items():
+            there = [time for time in times if time is not None]
+            if len(there) == len(times):
+                found.append((name, there))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitComparison:
+    """Many cells.
+
+    Attributes:
+        cells: One comparison per cell.
+        seed: Of the first episode, and of the bootstrap.
+    """
+
+    cells: tuple[CellComparison, ...]
+    seed: int
+
+    def pairs(self, name: str, against: str) -> list[tuple[float, float]]:
+        """Makespans of a policy and of another (``best_online``, ``clairvoyant``, or a policy), episode by episode.
+
+        From cells where both are there; episodes that the first did not finish are left out.
+        """
+        found = []
+        for one in self.cells:
+            other: Sequence[float | None] | None
+            if against == "clairvoyant":
+                other = one.clairvoyant_s
+            else:
+                key = one.best_online if against == "best_online" else against
+                other = None if key is None else one.makespans_s.get(key)
+            own = one.makespans_s.get(name)
+            if own is not None and other is not None:
+                found += [(a, b) for a, b in zip(own, other, strict=True) if a is not None and b is not None]
+        return found
+
+    def ratio(self, name: str, against: str) -> tuple[float, Interval] | None:
+        """Mean makespan over the mean of the other's, with its 95 % bootstrap interval; None without such episodes."""
+        pairs = self.pairs(name, against)
+        if not pairs:
+            return None
+        own, other = np.array(pairs).T
+        return float(own.mean() / other.mean()), ratio_interval(own, other, self.seed)
+
+    def figures(self, name: str) -> dict[str, Any]:
+        """A policy's row: cells with a plan, episodes, those finished, violations, mean makespan, ratios."""
+        there = [one for one in self.cells if name in one.makespans_s]
+        times = [time for one in there for time in one.makespans_s[name]]
+        done = [time for time in times if time is not None]
+        ratios = {f"ratio_to_{what}": self.ratio(name, what) for what in ("best_online", FULL_SPEED, "clairvoyant")}
+        return {
+            "cells": len(there),
+            "episodes": len(times),
+            "finished": len(done),
+            "violations": sum(one.violations[name] for one in there),
+            "makespan_s": float(np.mean(done)) if done else None,
+            **ratios,
+        }
+
+
+def compare_on(
+    cells: Iterable[Cell],
+    policies: Sequence[str],
+    *,
+    episodes: int = 1,
+    seed: int = 0,
+    disturbance: str | None = None,
+    physics: Physics = "ideal",
+    on_cell: Callable[[str], None] | None = None,
+) -> SplitComparison:
+    """Run policies in many cells, all of them under the shield, with the same disturbances.
+
+    Args:
+        cells: Where.
+        policies: Out of ``SPLIT_POLICIES``, or learned agents (``ppo:NAME``, ``ppo:FILE.npz``). Those that plan by
+            priority get the order of the arms with the better plan.
+        episodes: Per cell and policy; without a disturbance one says it all.
+        seed: Of the first episode.
+        disturbance: Of the first arm, by name.
+        physics: ``ideal`` or ``bullet``.
+        on_cell: Called with the name of each cell when it is done.
+
+    Raises:
+        UnknownNameError: No such policy.
+        InputError: Less than one episode.
+    """
+    for name in policies:
+        if name not in SPLIT_POLICIES and not is_agent_name(name):
+            raise UnknownNameError("policy", name, SPLIT_POLICIES)
+    if episodes < 1:
+        raise InputError(f"episodes must be at least 1, got {episodes}")
+    compared = []
+    for cell in cells:
+        env = CoordinationEnv(cell, physics=physics, shield=True, disturbance=disturbance, record=True)
+        try:
+            compared.append(_compare(env, policies, episodes, seed, disturbance is not None))
+        finally:
+            env.close()
+        if on_cell is not None:
+            on_cell(cell.name)
+    return SplitComparison(cells=tuple(compared), seed=seed)
+
+
+def _compare(
+    env: CoordinationEnv, policies: Sequence[str], episodes: int, seed: int, disturbed: bool
+) -> CellComparison:
+    cell = env.cell
+    makespans: dict[str, Times] = {}
+    violations: dict[str, int] = {}
+    for name in policies:
+        policy = _policy(name, env)
+        if policy is None:
+            continue
+        traces = [run_episode(env, policy, seed + k)[0] for k in range(episodes)]
+        violations[name] = sum(trace.violations for trace in traces)
+        makespans[name] = tuple(
+            trace.makespan if math.isfinite(trace.makespan) and not trace.violations else None for trace in traces
+        )
+    return CellComparison(
+        cell=cell.name,
+        priority_class=cell.priority_class,
+        makespans_s=makespans,
+        violations=violations,
+        clairvoyant_s=_known(env, episodes, seed, disturbed),
+    )
+
+
+def _policy(name: str, env: CoordinationEnv) -> Policy | None:
+    """A policy for a cell; None where it has no plan."""
+    if is_agent_name(name):
+        return learned_policy(name, env)
+    if name == FULL_SPEED:
+        return PhasePlanePolicy()
+    plan = _best_plan(env.cell, name)
+    return None if plan is None else ExecutionPolicy(partial(execution_of, plan))
+
+
+def _best_plan(cell: Cell, method: str) -> Schedule | None:
+    """The shortest plan of a method over the orders of two arms; of more, or of ``optimal``, in their own order."""
+    arms = range(len(cell.arms))
+    orders = list(permutations(arms)) if len(arms) == 2 and method != OPTIMAL else [tuple(arms)]
+    plans = []
+    for order in orders:
+        try:
+            plans.append(schedule(cell, method, order=order))
+        except InfeasibleError:
+            continue
+    return min(plans, key=lambda plan: plan.makespan, default=None)
+
+
+def _known(env: CoordinationEnv, episodes: int, seed: int, disturbed: bool) -> tuple[float, ...] | None:
+    """Makespans of who knows what will happen; the first arm, where it is disturbed, does not yield."""
+    if disturbed:
+        return clairvoyant_makespans(env, episodes, seed)
+    try:
+        return (schedule(env.cell, OPTIMAL).makespan,) * episodes
+    except InfeasibleError:
+        return None

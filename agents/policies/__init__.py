@@ -1,0 +1,1 @@
+"""The policy protocol, agent files and learned policies."""

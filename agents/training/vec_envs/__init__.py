@@ -1,0 +1,1 @@
+"""Our environments as vectors of Stable-Baselines3."""

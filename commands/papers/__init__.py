@@ -1,0 +1,1 @@
+"""Each paper's quantities and figures beside ours."""

@@ -1,0 +1,1 @@
+"""Chung, Ryu, Park."""

@@ -1,0 +1,1 @@
+"""Lee, Ryu, Cheong 2006."""

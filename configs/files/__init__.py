@@ -1,0 +1,1 @@
+"""Finding and reading files; messages that name file, key, value and remedy."""

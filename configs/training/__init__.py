@@ -1,0 +1,1 @@
+"""What a training file and a sweep file may say."""

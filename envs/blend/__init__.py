@@ -1,0 +1,1 @@
+"""One arm on a blended path; the agent overrides the feed rate."""

@@ -1,0 +1,1 @@
+"""Arms in PyBullet: scene, renderer, joint controller."""

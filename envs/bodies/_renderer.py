@@ -1,0 +1,235 @@
+"""Pictures of a cell: PyBullet's window, or images without a display.
+
+The renderer has a PyBullet client of its own, with the paths drawn as beads: the physics stays as lean and as exact
+with pictures as without.
+"""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.arrays import Floats
+from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
+from armtempo.errors import RenderError
+from armtempo.planners import BlendCell, Cell, IKCell
+from armtempo.robots import Arm, Shape
+
+WIDTH, HEIGHT = 640, 480
+HARDWARE = pybullet.ER_BULLET_HARDWARE_OPENGL
+COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
+GREY = (0.6, 0.6, 0.6, 1.0)
+BEADS = 40  # per path
+BEAD = 0.004  # [m]
+BEAD_IK = 0.008
+AXIS = 0.15  # [m] of a target
+TILT = 0.35  # [rad] of the view from straight down
+TILT_IK = 1.15  # where poses are followed, which go up and down
+VIEW_DEG = 40.0  # vertical
+BORDER = 0.12  # of the picture, free around the arms
+_PROBE = """
+import importlib.util
+import pybullet
+pybullet.connect(pybullet.DIRECT)
+spec = importlib.util.find_spec("eglRenderer")
+plugin = pybullet.loadPlugin(spec.origin, "_eglRendererPlugin") if spec else -1
+if plugin < 0:
+    raise SystemExit(1)
+pybullet.getCameraImage(8, 8, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
+"""
+
+
+def check_render_mode(mode: str | None) -> None:
+    """Raise RenderError for a mode that does not exist."""
+    if mode not in (None, "human", "rgb_array"):
+        raise RenderError(f"unknown render_mode {mode!r}", remedy="use 'human', 'rgb_array' or None", mode=mode)
+
+
+@functools.cache
+def egl_available() -> bool:
+    """Whether PyBullet's EGL renderer works here, tried in a process of its own: where it does not, it may end it."""
+    if not sys.platform.startswith("linux"):
+        return False
+    try:
+        probe = subprocess.run(  # noqa: S603 (our own text)
+            [sys.executable, "-c", _PROBE], capture_output=True, timeout=60, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return probe.returncode == 0
+
+
+@final
+class Renderer:
+    """Draws the arms of a cell at given joint positions.
+
+    Raises:
+        RenderError: ``human`` without a display.
+    """
+
+    def __init__(self, cell: Cell | BlendCell | IKCell, mode: str) -> None:
+        if mode == "human" and not display_available():
+            raise RenderError(
+                "render_mode 'human' needs a display and none was found",
+                remedy="set DISPLAY, run under xvfb-run, or use render_mode 'rgb_array'",
+                mode=mode,
+            )
+        self.mode = mode
+        self._scene = Scene(cell, window=mode == "human", egl=mode == "rgb_array" and egl_available())
+        if mode == "human":
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
+        self._beads = self._paint(BEAD_IK if isinstance(cell, IKCell) else BEAD)
+        self._axes = self._draw_axes() if isinstance(cell, IKCell) else []
+        for obstacle in cell.obstacles:
+            self._stand(obstacle)
+        self.show(cell)
+
+    def show(self, cell: Cell | BlendCell | IKCell) -> None:
+        """Show the paths of ``cell``, another than so far but with the same arms and obstacles, and look at them."""
+        points = [arm.T_world_base[:3, 3] for arm in cell.arms]
+        for arm, row, (q, beads) in zip(cell.arms, self._beads, _sweeps(cell), strict=True):
+            for bead, place in zip(row, beads.tolist(), strict=True):
+                pybullet.resetBasePositionAndOrientation(
+                    bead, place, [0.0, 0.0, 0.0, 1.0], physicsClientId=self._scene.client
+                )
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
+            if isinstance(cell, IKCell):
+                points += [*_outline(arm, q)]
+        self._aim(np.array(points), TILT_IK if isinstance(cell, IKCell) else TILT)
+
+    def _paint(self, size: float) -> list[Sequence[int]]:
+        """Every arm in a colour of its own; beads for its path, ``BEADS`` each."""
+        client, rows = self._scene.client, []
+        for i, body in enumerate(self._scene.bodies):
+            colour = COLOURS[i % len(COLOURS)]
+            for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+                pybullet.changeVisualShape(body, link, rgbaColor=colour, physicsClientId=client)
+            pale = [*(0.5 + 0.5 * c for c in colour[:3]), 1.0]
+            bead = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=size, rgbaColor=pale, physicsClientId=client)
+            rows.append(
+                pybullet.createMultiBody(
+                    baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=[[0.0, 0.0, 0.0]] * BEADS,
+                    physicsClientId=client,
+                )
+            )  # fmt: skip
+        return rows
+
+    def _draw_axes(self) -> list[int]:
+        """Three rods for the axes of a target: red, green, blue for its x, y, z."""
+        client, rods = self._scene.client, []
+        for k in range(3):
+            shape = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER, radius=0.006, length=AXIS,
+                visualFramePosition=[0.0, 0.0, 0.5 * AXIS], rgbaColor=[*(0.8 * np.eye(3)[k]), 1.0],
+                physicsClientId=client,
+            )  # fmt: skip
+            rods.append(pybullet.createMultiBody(baseMass=0.0, baseVisualShapeIndex=shape, physicsClientId=client))
+        return rods
+
+    def show_target(self, position: Floats, rotation: Floats) -> None:
+        """Put the target's axes at a pose: (3,) [m], (3, 3)."""
+        for k, rod in enumerate(self._axes):  # each rod lies along its own z
+            turned = np.roll(rotation, 2 - k, axis=1)
+            pybullet.resetBasePositionAndOrientation(
+                rod, position.tolist(), quat_xyzw(turned), physicsClientId=self._scene.client
+            )
+
+    def _stand(self, obstacle: Shape) -> None:
+        """An obstacle, in grey."""
+        client, size = self._scene.client, obstacle.size
+        form: dict[str, Any]
+        if obstacle.kind == "box":
+            form = {"shapeType": pybullet.GEOM_BOX, "halfExtents": [0.5 * side for side in size]}
+        elif obstacle.kind == "sphere":
+            form = {"shapeType": pybullet.GEOM_SPHERE, "radius": size[0]}
+        elif obstacle.vertices is None or obstacle.faces is None:
+            kind = pybullet.GEOM_CAPSULE if obstacle.kind == "capsule" else pybullet.GEOM_CYLINDER
+            form = {"shapeType": kind, "radius": size[0], "length": size[1]}
+        else:
+            form = {"vertices": obstacle.vertices.tolist(), "indices": obstacle.faces.ravel().tolist()}
+            form["shapeType"] = pybullet.GEOM_MESH
+        T = obstacle.T_link_shape
+        pybullet.createMultiBody(
+            baseMass=0.0,
+            baseVisualShapeIndex=pybullet.createVisualShape(**form, rgbaColor=GREY, physicsClientId=client),
+            basePosition=T[:3, 3].tolist(),
+            baseOrientation=quat_xyzw(T[:3, :3]),
+            physicsClientId=client,
+        )
+
+    def _aim(self, points: Floats, tilt: float) -> None:
+        """Look down on everything the arms sweep, from as near as shows it all."""
+        centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        back = np.array([0.0, -np.sin(tilt), np.cos(tilt)])  # from the scene to the eye
+        up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
+        height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER)
+        right, above, nearer = np.stack([[1.0, 0.0, 0.0], up, back]) @ (points - centre).T
+        distance = max(0.2, float(np.max(nearer + np.maximum(np.abs(right) * HEIGHT / WIDTH, np.abs(above)) / height)))
+        eye = centre + distance * back
+        self._view = pybullet.computeViewMatrix(eye.tolist(), centre.tolist(), up.tolist())
+        self._projection = pybullet.computeProjectionMatrixFOV(
+            VIEW_DEG, WIDTH / HEIGHT, 0.1 * distance, 10.0 * distance
+        )
+        if self.mode == "human":
+            pybullet.resetDebugVisualizerCamera(
+                distance, 0.0, np.degrees(tilt) - 90.0, centre.tolist(), physicsClientId=self._scene.client
+            )
+
+    def render(self, q: Floats) -> NDArray[np.uint8] | None:
+        """Draw the arms at ``q`` (A, n): an image (480, 640, 3) uint8, or None in a window."""
+        self._scene.place(q)
+        if self.mode == "human":
+            return None
+        _, _, pixels, _, bodies = pybullet.getCameraImage(
+            WIDTH,
+            HEIGHT,
+            self._view,
+            self._projection,
+            shadow=0,
+            lightDirection=(0.3, -0.4, 1.0),
+            renderer=HARDWARE if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._scene.client,
+        )
+        rgba = np.array(pixels, dtype=np.uint8).reshape(HEIGHT, WIDTH, 4)
+        background = np.reshape(bodies, (HEIGHT, WIDTH, 1)) < 0
+        np.putmask(rgba.view(np.uint32), background, 0xFFFFFFFF)  # on white, whichever renderer
+        return np.ascontiguousarray(rgba[..., :3])
+
+    def close(self) -> None:
+        """Close window and client; may be called twice."""
+        self._scene.close()
+
+
+def _sweeps(cell: Cell | BlendCell | IKCell) -> list[tuple[Floats, Floats]]:
+    """Of every arm: postures (BEADS, n) that it comes by, and points (BEADS, 3) that its tip is to come by."""
+    if isinstance(cell, IKCell):
+        rows = np.linspace(0, cell.ticks, BEADS).round().astype(int)
+        return [(cell.nominal.q[rows], cell.target.position[2 * rows])]
+    sweeps = []
+    for arm, path in zip(cell.arms, cell.paths, strict=True):
+        q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
+        sweeps.append((q, arm.tip_pose(q)[:, :3, 3]))
+    return sweeps
+
+
+def _outline(arm: Arm, q: Floats) -> Floats:
+    """Corners (N, 3) of boxes around the capsules of an arm at ``q`` (K, n): nothing of it is outside their hull."""
+    capsules = arm.capsules
+    fixed = np.broadcast_to(arm.T_world_base, (len(q), 1, 4, 4))
+    T = np.concatenate([arm.link_poses(q), fixed], axis=1)[:, capsules.link]  # link -1 is the base
+    ends = [np.einsum("klab,lb->kla", T[..., :3, :3], p) + T[..., :3, 3] for p in (capsules.p0, capsules.p1)]
+    sides = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0
+    corners = np.stack(ends)[..., None, :] + sides * capsules.radius[:, None, None]
+    return np.asarray(corners.reshape(-1, 3), dtype=np.float64)
+
+
+def render_modes() -> list[str]:
+    """The modes that work here: a window needs a display."""
+    return ["rgb_array", "human"] if display_available() else ["rgb_array"]

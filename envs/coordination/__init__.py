@@ -1,0 +1,1 @@
+"""Several arms on given paths: the multi-agent, the yielding and the vector environments."""

@@ -1,0 +1,302 @@
+"""Many episodes of one cell at once, without physics: arrays in, arrays out, the bits of one environment at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from armtempo.arrays import Bools, Floats, Ints
+from armtempo.envs.common._entries import OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.common._random import key_from
+from armtempo.envs.coordination._episode import as_cell, time_limit
+from armtempo.envs.coordination.shield._batch import admit_all, draw_shielded
+from armtempo.envs.coordination.shield._shield import shield_tables, shield_work
+from armtempo.envs.coordination.world._disturbance import (
+    Disturbance,
+    Draws,
+    Range,
+    as_noise,
+    describe,
+    draw_all,
+    draws_of,
+    stops_of,
+    uncertain_arms,
+)
+from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
+from armtempo.envs.coordination.world._simulation import MODES
+from armtempo.envs.coordination.world._world import World, episodes_of, ideal_world
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.planners import Cell, Mode, Precedence
+
+REWARDS = ("own", "team")
+
+
+@final
+class BatchSimulation:
+    """E episodes of a cell at once (A arms), as environments with ``physics="ideal"`` run them, to the last bit.
+
+    Args:
+        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        episodes: How many, E.
+        mode: What a command in [0, 1] means.
+        reward: ``own``: every arm its own, as ``CoordinationEnv`` has it. ``team``: the mean progress of all minus the
+            time until the last has arrived, in units of the sequential time, minus (2 + mean share not covered) on a
+            collision; the same for every arm. Without a collision it sums up to the path covered minus
+            makespan / sequential time.
+        disturbance: As in ``CoordinationEnv``, drawn for every episode; so are the next three.
+        observation_noise: Standard deviation of normal noise on the entries.
+        start_phase: Share of the path where each arm starts, or a range.
+        master_late_s: How long the first arm stands [s], or a range.
+        max_episode_s: Time limit [s] instead of five sequential times.
+        shield: Let through only commands that can neither collide nor end in a deadlock (see ``Shield``).
+        scripted: Arms whose commands the shield does not change.
+        plan: The precedence that those obey; None: they pass first everywhere.
+        threads: How many share the episodes.
+
+    Attributes:
+        lam, mu, arrival: (E, A) places, path speeds, instants of arrival (nan before).
+        ticks: (E,) since the start of each episode.
+        violated: (E,) whether two arms came closer than ``d_min``.
+        observations: (E, A, 21) float32.
+        rewards: (E, A) of the last step.
+        terminated, truncated: (E, A).
+        undisturbed: (E,) bool, to be set: whose next episodes draw no disturbance, no lateness and no start phase.
+        shield_cut: (E, A) by how much the shield cut the commands of the last step.
+        shield_changed, shield_change: (E, A) how many commands of the episode the shield cut, and by how much in all.
+
+    All of them are written in place: copy what is to be kept.
+    """
+
+    def __init__(
+        self,
+        cell: Cell | str | Path,
+        episodes: int,
+        *,
+        mode: Mode = "speed",
+        reward: str = "own",
+        disturbance: str | Disturbance | None = None,
+        observation_noise: float = 0.0,
+        start_phase: float | Range = 0.0,
+        master_late_s: float | Range = 0.0,
+        max_episode_s: float | None = None,
+        shield: bool = False,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
+        threads: int = 1,
+    ) -> None:
+        if mode not in MODES:
+            raise UnknownNameError("mode", str(mode), MODES)
+        if reward not in REWARDS:
+            raise UnknownNameError("reward", str(reward), REWARDS)
+        for name, count in (("episodes", episodes), ("threads", threads)):
+            if not (isinstance(count, int | np.integer) and count > 0):
+                raise InputError(f"{name} must be a whole number above 0, got {count!r}")
+        self.cell, self.mode = as_cell(cell), mode
+        self.reference_time, self.time_limit = time_limit(self.cell, max_episode_s)
+        self._draws = draws_of(self.cell, disturbance, start_phase, master_late_s)
+        self._no_draws = draws_of(self.cell)
+        self._noise, self._team = as_noise(observation_noise), reward == "team"
+        self._world: World = ideal_world(self.cell, mode)
+        self._d_min, self._tick = self.cell.d_min, self.cell.physics_tick
+        E, A = int(episodes), len(self.cell.arms)
+        self._episodes = episodes_of(E, A, stops_of(self._draws))
+        self.lam, self.mu, self.arrival = self._episodes.lam, self._episodes.mu, self._episodes.arrival
+        self.ticks, self.violated = self._episodes.ticks, self._episodes.violated
+        self.observations = np.zeros((E, A, SIZE), dtype=np.float32)
+        self.rewards = np.zeros((E, A))
+        self.terminated, self.truncated = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A), dtype=np.bool_)
+        self._lengths = np.array([path.length for path in self.cell.paths])
+        self._all = np.ones(E, dtype=np.bool_)
+        self.undisturbed = np.zeros(E, dtype=np.bool_)
+        bounds = np.linspace(0, E, min(int(threads), E) + 1).astype(int)
+        self._chunks = [
+            (int(first), int(last), scratch_for(int(last - first), A, self.cell.ticks_per_period))
+            for first, last in pairwise(bounds)
+        ]
+        self._pool = ThreadPoolExecutor(len(self._chunks) - 1) if len(self._chunks) > 1 else None
+        self._shield = shield
+        self._tables = self._works = None
+        if shield:
+            self._tables = shield_tables(self.cell, self._world, scripted=scripted, plan=plan)
+            regions = len(self._tables.region)
+            self._works = [shield_work(self.cell, regions) for _ in self._chunks]
+        self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
+        self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
+        self._uncertain, self._admitted = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A))
+        self.shield_cut = np.zeros((E, A))
+        self.shield_changed, self.shield_change = np.zeros((E, A), dtype=np.int64), np.zeros((E, A))
+        self.seed(None)
+        self.reset()
+
+    @property
+    def episodes(self) -> int:
+        """E."""
+        return len(self.ticks)
+
+    @property
+    def arms(self) -> int:
+        """A."""
+        return len(self._lengths)
+
+    @property
+    def time(self) -> Floats:
+        """(E,) instants [s]."""
+        return np.asarray(self.ticks * self._tick, dtype=np.float64)
+
+    @property
+    def smallest_clearance(self) -> Floats:
+        """(E,) smallest clearance so far [m]."""
+        return self._episodes.smallest
+
+    @property
+    def numbers(self) -> Ints:
+        """(E,) which episode each is on, from 0."""
+        return self._episodes.number
+
+    @property
+    def steps(self) -> Ints:
+        """(E,) control periods since the start of each episode."""
+        return self._episodes.steps
+
+    @property
+    def drawn(self) -> dict[str, Floats]:
+        """What the episodes drew: late_s, speed (E, A), stops_s (E, A, S, 2); new arrays."""
+        own = self._episodes
+        return {"late_s": own.late.copy(), "speed": own.speed.copy(), "stops_s": own.stops.copy()}
+
+    def describe(self, e: int) -> dict[str, Any]:
+        """What episode e drew, as the environments' infos have it; right after its reset."""
+        return describe(self._episodes, e, self._lengths)
+
+    def seed(self, seed: int | Sequence[int | None] | None, mask: Bools | None = None) -> None:
+        """New keys: episode e gets those of an environment with seed ``seed + e``, or of a sequence (E,).
+
+        Episodes are counted anew: reset them next. ``mask`` (E,): only these.
+        """
+        for e, one in enumerate(spread(seed, self.episodes)):
+            if mask is not None and not mask[e]:
+                continue
+            generator = seeding.np_random(one)[0]
+            self._episodes.key[e], self._episodes.number[e] = key_from(generator), -1
+
+    def reset(self, mask: Bools | None = None, master_late_s: float | None = None) -> None:
+        """Begin new episodes, all of them or those of ``mask`` (E,); ``master_late_s`` [s] instead of what is drawn."""
+        active = self._all if mask is None else np.asarray(mask, dtype=np.bool_)
+        if active.shape != self._all.shape:
+            raise InputError(f"mask has shape {active.shape}", remedy=f"give ({self.episodes},)")
+        self._episodes.number[active] += 1
+        late = -1.0 if master_late_s is None else float(master_late_s)
+        for draws, drawn in ((self._draws, active & ~self.undisturbed), (self._no_draws, active & self.undisturbed)):
+            if drawn.any():
+                self._draw(draws, drawn, late)
+        self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
+        observe(
+            self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
+            self._chunks[0][2], self.observations,
+        )  # fmt: skip
+
+    def _draw(self, draws: Draws, active: Bools, late: float) -> None:
+        if self._tables is None or self._works is None:
+            draw_all(self._world, draws, self._episodes, active, late)
+            return
+        failed = draw_shielded(
+            self._world, draws, self._tables, self._episodes, active, late, self._scripted, self._orders, self._works[0]
+        )
+        if failed >= 0:
+            remedy = "let the other arms follow a plan, others='optimal'"
+            raise InfeasibleError(
+                f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
+                remedy=remedy if self._scripted.any() else "start the arms elsewhere",
+            )
+        self._uncertain[active] = uncertain_arms(self._episodes)[active]
+        self.shield_changed[active], self.shield_change[active] = 0, 0.0
+
+    def step(self, commands: Floats, active: Bools | None = None) -> None:
+        """Run one control period under ``commands`` (E, A) in [0, 1]; episodes that are not ``active`` stand still.
+
+        Go on only with episodes that are not over: no violation, not truncated, somebody still to arrive.
+        """
+        commands = np.ascontiguousarray(commands, dtype=np.float64)
+        if commands.shape != self.lam.shape:
+            raise InputError(f"commands have shape {commands.shape}", remedy=f"give {self.lam.shape}")
+        active = self._all if active is None else active
+
+        def run(k: int) -> None:
+            chunk, asked = self._chunks[k], commands
+            if self._tables is not None and self._works is not None:
+                admit_all(
+                    self._world, self._tables, self._episodes, chunk[0], chunk[1], active, self._orders, self._scripted,
+                    self._uncertain, self.cell.ticks_per_period, commands, self._admitted, self._works[k],
+                )  # fmt: skip
+                asked = self._admitted
+            run_periods(
+                self._world, self._episodes, chunk[0], chunk[1], active, asked, self._d_min, self.reference_time,
+                self.time_limit, self._team, self._noise, OTHERS, len(OWN), len(OTHER), chunk[2], self.observations,
+                self.rewards, self.terminated, self.truncated,
+            )  # fmt: skip
+
+        others = [] if self._pool is None else [self._pool.submit(run, k) for k in range(1, len(self._chunks))]
+        run(0)
+        for other in others:
+            other.result()
+        if self._shield:
+            self.shield_cut[:] = np.where(active[:, None], commands - self._admitted, 0.0)
+            self.shield_changed += self.shield_cut != 0.0
+            self.shield_change += self.shield_cut
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        outputs = {name: getattr(self, name) for name in ("observations", "rewards", "terminated", "truncated")}
+        shield = {
+            "orders": self._orders,
+            "uncertain": self._uncertain,
+            "shield_changed": self.shield_changed,
+            "shield_change": self.shield_change,
+        }
+        return {**self._episodes._asdict(), **outputs, **shield, "undisturbed": self.undisturbed}
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """All that changes, copied; ``set_state`` goes on from there with the same bits."""
+        return {name: array.copy() for name, array in self._arrays().items()}
+
+    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+        """Go on from ``get_state`` of a simulation made with the same arguments.
+
+        Raises:
+            InputError: It is of another one.
+        """
+        own = self._arrays()
+        for name, array in own.items():
+            if name not in state or state[name].shape != array.shape or state[name].dtype != array.dtype:
+                raise InputError(
+                    f"the state's {name} does not fit a simulation of {self.episodes} episodes of {self.cell.name!r}",
+                    remedy="make it with the same arguments",
+                )
+        for name, array in own.items():
+            array[...] = state[name]
+
+    def close(self) -> None:
+        """End the threads; may be called twice."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+
+def spread(seed: int | Sequence[int | None] | None, count: int) -> list[int | None]:
+    """One seed per environment, as Gymnasium has it: ``seed + k``, or a sequence of them.
+
+    Raises:
+        InputError: The sequence is not that long.
+    """
+    if seed is None:
+        return [None] * count
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + k for k in range(count)]
+    if len(seed) != count:
+        raise InputError(f"{len(seed)} seeds for {count} episodes", remedy="give one for each, or a single number")
+    return [None if one is None else int(one) for one in seed]

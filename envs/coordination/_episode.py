@@ -1,0 +1,168 @@
+"""What both environments share: commands from actions, rewards, ends and infos of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+
+from armtempo.arrays import Floats
+from armtempo.envs.common._random import key_from
+from armtempo.envs.common._rewards import collision_reward, progress_reward, time_reward
+from armtempo.envs.coordination.shield._shield import EpisodeShield
+from armtempo.envs.coordination.world._simulation import Physics, Simulation
+from armtempo.errors import ActionError, InputError
+from armtempo.planners import Cell, Mode, load_cell
+
+TIME_LIMIT = 5.0  # sequential times after which an episode is truncated
+
+
+def as_cell(cell: Cell | str | Path) -> Cell:
+    """A built cell, or the bundled name or file to build it from."""
+    return cell if isinstance(cell, Cell) else load_cell(cell)
+
+
+def read_action(action: ArrayLike, agent: str) -> float:
+    """An action in [-1, 1] as a command in [0, 1]; values outside are clipped.
+
+    Raises:
+        ActionError: It is not one finite number.
+    """
+    return 0.5 * (float(read_actions(action, 1, agent)[0]) + 1.0)
+
+
+def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:
+    """An action of so many numbers, clipped to [-1, 1].
+
+    Raises:
+        ActionError: It is not so many finite numbers.
+    """
+    try:
+        values = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):  # not numbers at all
+        values = np.array([np.nan])
+    if size == 1 and values.shape == ():
+        values = values[None]
+    if values.shape != (size,) or not np.isfinite(values).all():
+        what = "one finite number" if size == 1 else f"{size} finite numbers"
+        raise ActionError(
+            f"action of {agent} must be {what} in an array of shape ({size},), got {action!r}",
+            remedy="clip it to [-1, 1] and replace NaN before env.step",
+            agent=agent,
+            action=action,
+        )
+    return np.clip(values, -1.0, 1.0)
+
+
+def check_late(late: ArrayLike) -> None:
+    """Raise InputError unless all of ``late`` [s] are times to wait."""
+    times = np.asarray(late, dtype=np.float64)
+    if not (np.isfinite(times).all() and (times >= 0.0).all()):
+        raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
+
+
+def time_limit(cell: Cell, max_episode_s: float | None) -> tuple[float, float]:
+    """The reference time of rewards, and after how long an episode is truncated [s].
+
+    Raises:
+        InputError: That is not positive.
+    """
+    reference = cell.sequential_makespan
+    limit = TIME_LIMIT * reference if max_episode_s is None else float(max_episode_s)
+    if not limit > 0.0:
+        raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
+    return reference, limit
+
+
+@final
+class Episode:
+    """The state of an episode of one cell, above the simulation."""
+
+    def __init__(
+        self, cell: Cell, *, physics: Physics, mode: Mode, record: bool, max_episode_s: float | None, **options: Any
+    ) -> None:
+        self.cell = cell
+        self.reference_time, self.time_limit = time_limit(cell, max_episode_s)
+        self.simulation = Simulation(cell, physics=physics, mode=mode, record=record, **options)
+        self.lengths = [path.length for path in cell.paths]
+        self._key: int | None = None
+        self._number = -1
+        self._start()
+
+    def _start(self) -> None:
+        self._charged = [0.0] * len(self.lengths)
+        self._before: list[float] = self.simulation.lam.tolist()
+        self.timed_out = False
+
+    def reset(
+        self, generator: Generator, seeded: bool, options: dict[str, Any] | None, shield: EpisodeShield | None = None
+    ) -> dict[str, Any]:
+        """Start again; returns what was drawn.
+
+        Args:
+            generator: Gives the key of the random numbers, when ``seeded`` or the first time.
+            seeded: Begin to count episodes anew.
+            options: May give ``master_late_s`` for this episode [s].
+            shield: Begins with it; places from which it finds no way on are drawn again.
+
+        Raises:
+            InputError: That is negative or not finite.
+            InfeasibleError: The shield finds no way on from the starts of the paths either.
+        """
+        late = None
+        if options and "master_late_s" in options:
+            check_late(options["master_late_s"])
+            late = np.zeros(len(self.lengths))
+            late[0] = options["master_late_s"]
+        if seeded or self._key is None:
+            self._key, self._number = key_from(generator), -1
+        self._number += 1
+        accepts = None if shield is None else shield.leads_on
+        self.simulation.reset(late, key=self._key, number=self._number, accepts=accepts)
+        if shield is not None:
+            shield.reset()
+        self._start()
+        return self.simulation.drawn
+
+    def step(self, commands: Floats) -> None:
+        """Run one control period."""
+        self.simulation.step(commands)
+        self.timed_out = self.simulation.time >= self.time_limit - 1e-9
+
+    def outcome(self, i: int) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Reward, terminated, truncated and info of a running arm after a step."""
+        simulation, length = self.simulation, self.lengths[i]
+        position = float(simulation.lam[i])
+        arrival = float(simulation.arrival[i])
+        arrived = arrival == arrival  # not nan
+        until = arrival if arrived else simulation.time
+        terms = {
+            "progress": progress_reward(position - self._before[i], length),
+            "time": time_reward(until - self._charged[i], self.reference_time),
+            "collision": collision_reward(position, length) if simulation.violated else 0.0,
+        }
+        self._before[i], self._charged[i] = position, until
+        terminated = arrived or simulation.violated
+        truncated = self.timed_out and not terminated
+        info: dict[str, Any] = {
+            "lam": position,
+            "mu": float(simulation.mu[i]),
+            "time_s": simulation.time,
+            "min_clearance_m": simulation.min_clearance,
+            "reward_terms": terms,
+        }
+        if terminated or truncated:
+            info["is_success"] = arrived and not simulation.violated
+            info["violation"] = simulation.violated
+            if arrived:
+                info["arrival_s"] = arrival
+        return float(terms["progress"] + terms["time"] + terms["collision"]), terminated, truncated, info
+
+
+def agent_names(arms: Sequence[object]) -> list[str]:
+    """``arm_0``, ``arm_1``, ... in priority order."""
+    return [f"arm_{i}" for i in range(len(arms))]

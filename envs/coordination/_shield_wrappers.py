@@ -1,0 +1,109 @@
+"""The shield as wrappers: in front of environments that were made without."""
+
+from __future__ import annotations
+
+from typing import Any, cast, final
+
+import gymnasium
+import numpy as np
+from pettingzoo import ParallelEnv
+from pettingzoo.utils import BaseParallelWrapper
+
+from armtempo.arrays import Floats32
+from armtempo.envs.coordination._episode import read_action
+from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
+from armtempo.envs.coordination._yielding_env import YieldingEnv
+from armtempo.envs.coordination.shield._shield import EpisodeShield
+from armtempo.errors import InputError
+
+
+def _action(asked: Floats32, command: float, admitted: float) -> Floats32:
+    """The action of an admitted command: cut commands are such that it is exact."""
+    return asked if admitted == command else np.array([2.0 * admitted - 1.0], dtype=np.float32)
+
+
+@final
+class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
+    """Lets through only actions of the learning arm of a ``YieldingEnv`` that leave a way out.
+
+    Args:
+        env: A ``YieldingEnv``, wrapped or not; wrappers below this one must not change actions.
+        tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
+
+    Raises:
+        InputError: The environment is another one.
+        InfeasibleError: The learning arm cannot arrive behind the others.
+    """
+
+    def __init__(self, env: gymnasium.Env[Floats32, Floats32], tube_m: float = 0.0) -> None:
+        super().__init__(env)
+        below = env.unwrapped
+        if not isinstance(below, YieldingEnv):
+            raise InputError(f"{type(below).__name__} has no shield", remedy="give a YieldingEnv")
+        self._below: YieldingEnv = below
+        self.shield: EpisodeShield = below.make_shield(tube_m)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats32, dict[str, Any]]:
+        """As the environment's."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.shield.reset()
+        return observation, info
+
+    def step(self, action: Floats32) -> tuple[Floats32, Any, bool, bool, dict[str, Any]]:
+        """As the environment's, with the action that is let through."""
+        i = self._below.learner
+        commands = np.ones(self._below.simulation.arms)  # those of the others do not count
+        commands[i] = read_action(action, self._below.cell.arms[i].name)
+        admitted = self.shield.commands(commands)
+        observation, reward, terminated, truncated, info = self.env.step(_action(action, commands[i], admitted[i]))
+        self.shield.report(i, info, terminated or truncated)
+        return observation, reward, terminated, truncated, info
+
+
+@final
+class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+    """Lets through only actions of the arms of a ``CoordinationEnv`` that leave a way out.
+
+    Args:
+        env: A ``CoordinationEnv``, wrapped or not; wrappers below this one must not change actions.
+        tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
+
+    Raises:
+        InputError: The environment is another one.
+        InfeasibleError: No passing order leads all arms to their ends.
+    """
+
+    def __init__(self, env: ParallelEnv[str, Floats32, Floats32], tube_m: float = 0.0) -> None:
+        super().__init__(env)
+        below = env.unwrapped
+        if not isinstance(below, CoordinationEnv):
+            raise InputError(f"{type(below).__name__} has no shield", remedy="give a CoordinationEnv")
+        self._below: CoordinationEnv = below
+        self.shield: EpisodeShield = EpisodeShield(below.simulation, tube_m=tube_m)
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Floats32], dict[str, dict[str, Any]]]:
+        """As the environment's."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        self.shield.reset()
+        return observations, infos
+
+    def step(self, actions: dict[str, Floats32]) -> tuple[Any, ...]:
+        """As the environment's, with the actions that are let through."""
+        names = self._below.possible_agents
+        commands = np.ones(len(names))  # who has arrived stays where it is
+        for agent in self.env.agents:
+            if agent in actions:  # the environment complains of those that are missing
+                commands[names.index(agent)] = read_action(actions[agent], agent)
+        admitted = self.shield.commands(commands)
+        passed = {}
+        for agent, action in actions.items():
+            i = names.index(agent) if agent in names else -1
+            passed[agent] = _action(action, commands[i], admitted[i]) if i >= 0 else action
+        results = self.env.step(passed)
+        for agent, info in results[4].items():
+            self.shield.report(names.index(agent), info, results[2][agent] or results[3][agent])
+        return cast("tuple[Any, ...]", results)

@@ -1,0 +1,55 @@
+"""The shield over many episodes at once: the same kernel, an order of passing per episode."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.arrays import Bools, Floats
+from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
+from armtempo.envs.coordination.world._disturbance import ATTEMPTS, Draws, draw
+from armtempo.envs.coordination.world._world import Episodes, World
+from armtempo.robots import njit, unlocked
+
+Orders = NDArray[np.int8]
+
+
+@njit
+def draw_shielded(
+    world: World, draws: Draws, tables: ShieldTables, episodes: Episodes, active: Bools, late: float, scripted: Bools,
+    orders: Orders, work: ShieldWork,
+) -> int:  # fmt: skip
+    """``draw_all`` with orders (E, R) that lead on; -1, or an episode for which there is none."""
+    for e in range(active.shape[0]):
+        attempt = 0
+        while active[e]:
+            attempt = draw(world, draws, episodes, e, late, attempt)
+            if first_orders(world, tables, episodes.lam[e], scripted, orders[e], work):
+                break
+            if attempt >= ATTEMPTS:
+                return e
+            attempt += 1
+    return -1
+
+
+@unlocked
+def admit_all(
+    world: World, tables: ShieldTables, episodes: Episodes, first: int, last: int, active: Bools, orders: Orders,
+    scripted: Bools, uncertain: Bools, ticks: int, commands: Floats, admitted: Floats, work: ShieldWork,
+) -> None:  # fmt: skip
+    """Commands (E, A) that are let through for the active ones of episodes first..last - 1; uncertain (E, A)."""
+    for e in range(first, last):
+        if active[e]:
+            admit(
+                world,
+                tables,
+                orders[e],
+                episodes.lam[e],
+                episodes.mu[e],
+                commands[e],
+                scripted,
+                uncertain[e],
+                ticks,
+                admitted[e],
+                work,
+            )

@@ -1,0 +1,446 @@
+"""The shield's compiled part: commands for one control period that leave every arm a way to stop, and all a way on.
+
+A command is foreseen exactly as the environment will run it: for one period, then maximum braking period by period
+until the arm is at rest. Orders (R,) say of every collision region who passes first (see ``PassingOrders``): 0 its arm
+a, 1 its arm b, 2 nobody waits. Arms that obey the limits of feasible orders neither meet nor wait for each other for
+ever; both are kept: limits are asked at every tick for all arms at once, and orders change only to feasible ones.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.arrays import Bools, Floats, Ints
+from armtempo.envs.coordination.world._world import World, length_of, steps_of
+from armtempo.planners import phase_kernels
+from armtempo.robots import inlined, njit
+
+Orders = NDArray[np.int8]
+
+MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
+HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
+STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
+PARTS = 8  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
+SURE = 0.98  # of the square of a speed: what braking in other pieces may change is far less
+ALL = 1 << 40  # parts: as many as there are until rest
+SWEEPS = 8  # after which arms that still do not fit brake
+
+
+class ShieldTables(NamedTuple):
+    """What does not change during an episode; R regions, A arms."""
+
+    buffer: Floats  # limits, one after the other
+    region: Ints  # (R, 2, 5) [r, who passes first: 0 is a, 1 is b]: second arm, first arm, and its limit: its first
+    #               cell on the first arm's path, number of cells, where it begins in the buffer
+    cells: Ints  # (A, A) resolution of the pair's chart
+    candidates: Orders  # (C, R) orders to begin with, the preferred first
+    holdable: Bools  # (A,) whether the arm can stand wherever it is
+    braked: Floats  # (A, M, N) at every station: the largest square of a speed from which an arm stops before place m
+    before: Ints  # (A, N) per station: the last of these places that is not behind it, or -1
+
+
+class ShieldWork(NamedTuple):
+    """Scratch of one thread; K + 1 places: now, and at the end of every part of a tick."""
+
+    places: Floats  # (2, A, K + 1) under the command for one period, then braking; braking from now on
+    length: Ints  # (2, A) parts that are foreseen; 0: not begun
+    rest: Bools  # (2, A) whether the arm is at rest from there on
+    speed: Floats  # (2, A, P + 1) at the begin of every period
+    orders: Orders  # (2, R)
+    lam: Floats  # (2, A)
+    speeds: Floats  # (PARTS * ticks of a period,)
+
+
+class Limit(NamedTuple):
+    """How far the second arm of a region may go, by cells of the first arm's path."""
+
+    per_length: float  # cells of the first arm's whole path per length
+    cells: int  # of the whole path
+    begin: int  # the region's first cell
+    span: int  # number of its cells
+    offset: int  # where the limits begin in the buffer
+
+
+@inlined
+def limit_of(world: World, tables: ShieldTables, r: int, order: int) -> Limit:
+    region = tables.region
+    j = region[r, order, 1]
+    cells = tables.cells[region[r, order, 0], j]
+    return Limit(cells / length_of(world, j), cells, region[r, order, 2], region[r, order, 3], region[r, order, 4])
+
+
+@inlined
+def limit_at(buffer: Floats, of: Limit, place: float) -> float:
+    """How far the second arm of a region may go while the first is at ``place`` of its path."""
+    cell = min(max(int(place * of.per_length - HERE), 0), of.cells - 1) - of.begin
+    limit = np.inf
+    if cell < of.span:
+        limit = buffer[of.offset + max(cell, 0)]
+    return limit
+
+
+@njit
+def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, reach: Floats) -> bool:
+    """Whether arms that go as far as the others' places allow, over and over, all arrive; ``lam`` (A,) is where."""
+    moved = True
+    while moved:
+        for i in range(lam.shape[0]):
+            reach[i] = length_of(world, i)
+        for r in range(orders.shape[0]):
+            if orders[r] < 2:
+                i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
+                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
+                reach[i] = min(reach[i], limit - MARGIN * length_of(world, i))
+        moved = False
+        for i in range(lam.shape[0]):
+            if reach[i] > lam[i]:
+                lam[i], moved = reach[i], True
+    for i in range(lam.shape[0]):  # noqa: SIM110 (compiled)
+        if lam[i] < length_of(world, i):
+            return False
+    return True
+
+
+@njit
+def first_orders(
+    world: World, tables: ShieldTables, lam: Floats, scripted: Bools, orders: Orders, work: ShieldWork
+) -> bool:
+    """Fill ``orders`` with the first candidate that leads on from arms at rest at ``lam``; False if none does.
+
+    Where an arm is already past the limit of a candidate the order is the other one.
+    """
+    for c in range(tables.candidates.shape[0]):
+        obeyed = True
+        for r in range(orders.shape[0]):
+            orders[r] = tables.candidates[c, r]
+            for _ in range(2):
+                if orders[r] == 2:
+                    break
+                i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
+                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
+                if lam[i] <= limit - MARGIN * length_of(world, i):
+                    break
+                if orders[r] != tables.candidates[c, r] or scripted[i] or scripted[j]:
+                    obeyed = False
+                    break
+                orders[r] = 1 - orders[r]
+        work.lam[0][:] = lam
+        if obeyed and feasible(world, tables, orders, work.lam[0], work.lam[1]):
+            return True
+    return False
+
+
+@njit
+def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
+    """Fill arm i's ``braked`` (M, N) and ``before`` (N,), for M stations about equally far apart.
+
+    Backwards from rest at such a station, interval by interval: the largest ``x`` from which the hardest braking is not
+    faster at its end than it may be there. Braking motions do not cross, so whoever is slower stops earlier. (There is
+    no bound on where an arm stops that is smooth in its speed: a little faster, and at high speed the limits may pull
+    it on for half of its path.)
+    """
+    steps = steps_of(world, i)
+    count, last = braked.shape[0], steps.shape[0] - 1
+    braked[:], before[:] = 0.0, -1
+    for m in range(count):
+        station = ((m + 1) * last) // count
+        before[station:] = m
+        for k in range(station - 1, -1, -1):
+            low, high = braked[max(m - 1, 0), k], steps[k, 5]
+            most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
+            x = high
+            for _ in range(25 if low < high else 0):  # from the edge itself first: mostly that is it
+                begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
+                end, _ = phase_kernels.bounds_in(steps, k, 1.0, x, d2)
+                if x + d2 * max(begin, end) <= most:
+                    low = x
+                else:
+                    high = x
+                if low == high:
+                    break
+                x = 0.5 * (low + high)
+            braked[m, k] = low if d2 > 0.0 else most
+
+
+@njit
+def stops_before(
+    steps: Floats, holdable: bool, braked: Floats, before: Ints, lam: float, mu: float, limit: float, tick: float
+) -> bool:
+    """Whether an arm certainly comes to rest before a limit if it brakes now; it may do so even if this says no.
+
+    ``braked`` (M, N) and ``before`` (N,) of the arm: see ``ShieldTables``.
+    """
+    if lam > limit or not holdable:
+        return False
+    if mu <= 0.0:
+        return True
+    m = before[phase_kernels.find(steps, limit - mu * tick)]
+    if m < 0:
+        return False
+    k = phase_kernels.find(steps, lam)
+    x, after = braked[m, k], braked[m, k + 1]
+    x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
+    return mu * mu <= SURE * x  # type: ignore[no-any-return]
+
+
+@njit
+def _row(braking: bool) -> int:
+    """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
+    return 1 if braking else 0
+
+
+@njit
+def _foresee(
+    steps: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int,
+    i: int, places: Floats, speed: Floats, length: Ints, rest: Bools, speeds: Floats,
+) -> int:  # fmt: skip
+    """Foresee arm i under its command (row 0) or braking (row 1) for one period, then braking, for ``until`` parts.
+
+    ``places`` (K + 1,), ``speed`` (P + 1,): of ``work``, for this row and arm; they begin with where it is. (Arrays one
+    by one, not ``work``: handing over a tuple counts references to all that is in it, which took most of the time.)
+
+    Returns the last part foreseen; earlier than ``until``, the arm is at rest from there on. An arm that does not come
+    to rest in time counts as going on to the end of its path.
+    """
+    k = length[row, i]
+    if k >= until or (k > 0 and rest[row, i]):
+        return k  # type: ignore[no-any-return]
+    part, end, last = tick / PARTS, steps[steps.shape[0] - 1, 0], places.shape[0] - 1
+    if k == 0:
+        _, speed[1], _ = phase_kernels.run(
+            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
+        )
+        rest[row, i] = False
+        k = parts
+    place, fast = places[k], speed[k // parts]
+    while k < until:
+        if place >= end or (fast <= 0.0 and holdable):
+            rest[row, i] = True
+            break
+        if k + parts >= last:
+            places[k + 1 :] = end
+            k += 1
+            rest[row, i] = True
+            break
+        before = place
+        place, fast, _ = phase_kernels.run(
+            steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds
+        )
+        if place == before:
+            rest[row, i] = True
+            break
+        k += parts
+        speed[k // parts] = fast
+    length[row, i] = k
+    return k  # type: ignore[no-any-return]
+
+
+@njit
+def _fits(
+    world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
+    unsure: Bools, parts: int, work: ShieldWork,
+) -> bool:  # fmt: skip
+    """Whether the second arm of a region stays behind its limit; under the order in force: or is just braking.
+
+    Limits never fall and arms never go back: in every part of a tick it is enough that the one is, at its end, behind
+    the limit from where the other is at its begin.
+    """
+    i, j = tables.region[r, order, 0], tables.region[r, order, 1]
+    of, buffer = limit_of(world, tables, r, order), tables.buffer
+    limit = limit_at(buffer, of, lam[j])
+    if limit == np.inf:
+        return True
+    tick, by_speed, holdable = world.tick, world.by_speed, tables.holdable
+    length, rest, speeds = work.length, work.rest, work.speeds
+    own, braked, before = steps_of(world, i), tables.braked[i], tables.before[i]
+    other, row, command = steps_of(world, j), _row(unsure[j]), (0.0 if unsure[j] else commands[j])
+    margin = MARGIN * own[own.shape[0] - 1, 0]
+    far, far_speed, near, near_speed = work.places[0, i], work.speed[0, i], work.places[row, j], work.speed[row, j]
+    k, most, braking = 0, near.shape[0] - parts - 1, 0.0
+    while True:
+        last = _foresee(
+            own, by_speed, holdable[i], tick, commands[i], parts, k + parts, _row(False), i, far, far_speed, length,
+            rest, speeds,
+        )  # fmt: skip
+        if last > k and stops_before(
+            own, holdable[i], braked, before, far[k + parts], far_speed[k // parts + 1], limit - margin, tick
+        ):
+            return True
+        # What is not foreseen of an arm ahead does not count.
+        stop = _foresee(
+            other, by_speed, holdable[j], tick, command, parts, k + parts, row, j, near, near_speed, length, rest,
+            speeds,
+        )  # fmt: skip
+        stop = min(stop, most)
+        if row == 1 and mu[j] <= 0.0:  # it may be late; an arm that cannot hold still would be foreseen to go
+            stop = 0
+        if last >= k + parts and far[k + parts] <= limit - margin:  # the whole period at once
+            k += parts
+            limit = limit_at(buffer, of, near[min(k, stop)])
+            if limit == np.inf:
+                return True
+            continue
+        for _ in range(parts):
+            k += 1
+            if k > last:
+                return True
+            if far[k] > limit - margin:
+                if order != orders[r]:
+                    return False
+                done = _foresee(
+                    own, by_speed, holdable[i], tick, braking, parts, k, _row(True), i, work.places[1, i],
+                    work.speed[1, i], length, rest, speeds,
+                )  # fmt: skip
+                if far[k] > work.places[1, i, min(k, done)]:
+                    return False
+            limit = limit_at(buffer, of, near[min(k, stop)])
+            if limit == np.inf:
+                return True
+
+
+@njit
+def _cut(
+    world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
+    unsure: Bools, parts: int, work: ShieldWork,
+) -> None:  # fmt: skip
+    """Lower the command of arm i, by bisection, until it stays behind all its limits."""
+    low, high = 0, int(np.ceil(commands[i] * STEPS))
+    while high - low > 1:
+        middle = (low + high) // 2
+        commands[i], work.length[0, i] = middle / STEPS, 0
+        fits = True
+        for r in range(orders.shape[0]):
+            mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
+            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
+                fits = False
+                break
+        if fits:
+            low = middle
+        else:
+            high = middle
+    commands[i], work.length[0, i] = low / STEPS, 0
+
+
+@njit
+def _other_orders(
+    world: World, tables: ShieldTables, orders: Orders, lam: Floats, mu: Floats, commands: Floats, scripted: Bools,
+    unsure: Bools, parts: int, work: ShieldWork,
+) -> bool:  # fmt: skip
+    """Change who passes first where the commands as they are contradict it, if that leads on; False if it does not.
+
+    First only in these regions, then in all of the pair where the same arm waits.
+    """
+    R = orders.shape[0]
+    wrong, trial = work.orders[0], work.orders[1]
+    for r in range(R):
+        wrong[r] = 0
+        free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
+        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
+            if scripted[tables.region[r, orders[r], 1]]:
+                return False
+            wrong[r] = 1
+    for attempt in range(2):
+        changed = attempt == 0
+        for r in range(R):
+            trial[r] = orders[r]
+            if wrong[r] == 1:
+                trial[r] = 1 - orders[r]
+            elif attempt == 1 and orders[r] < 2:
+                for s in range(R):
+                    if (
+                        wrong[s] == 1
+                        and tables.region[r, orders[r], 0] == tables.region[s, orders[s], 0]
+                        and tables.region[r, orders[r], 1] == tables.region[s, orders[s], 1]
+                        and limit_at(
+                            tables.buffer, limit_of(world, tables, r, orders[r]), lam[tables.region[r, orders[r], 1]]
+                        )
+                        < np.inf
+                    ):
+                        trial[r], changed = 1 - orders[r], True
+        if not changed:
+            return False
+        fits = True
+        for r in range(R):
+            free = trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]
+            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, parts, work):
+                fits = False
+                break
+        if not fits:
+            continue
+        for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
+            row = _row(unsure[i])
+            stop = _foresee(
+                steps_of(world, i), world.by_speed, tables.holdable[i], world.tick,
+                0.0 if unsure[i] else commands[i], parts, ALL, row, i, work.places[row, i], work.speed[row, i],
+                work.length, work.rest, work.speeds,
+            )  # fmt: skip
+            stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - parts - 1)
+            work.lam[0, i] = work.places[row, i, stop]
+        if feasible(world, tables, trial, work.lam[0], work.lam[1]):
+            orders[:] = trial
+            return True
+    return False
+
+
+@njit
+def admit(
+    world: World,
+    tables: ShieldTables,
+    orders: Orders,
+    lam: Floats,
+    mu: Floats,
+    commands: Floats,
+    scripted: Bools,
+    uncertain: Bools,
+    ticks: int,
+    admitted: Floats,
+    work: ShieldWork,
+) -> bool:
+    """Fill ``admitted`` (A,) with the commands for one period of ``ticks`` that are let through; True if one is cut.
+
+    Args:
+        world: The cell.
+        tables: Its regions.
+        orders: (R,) who passes first; changed where the commands ask for it and it leads on.
+        lam: (A,) places.
+        mu: (A,) path speeds.
+        commands: (A,) as asked for, in [0, 1].
+        scripted: (A,) arms whose command is not changed: they brake or not, as they please.
+        uncertain: (A,) arms that may do less than they are told: anything from maximum braking to their command.
+        ticks: Ticks of a control period.
+        admitted: (A,) out. Given the orders it is the largest, arm by arm, up to the steps of a cut.
+        work: Scratch.
+
+    Arms are held back only by arms ahead of them: the limits of an arm rise with the commands of all others, so there
+    is a largest set of commands, and lowering arm by arm whoever does not fit finds it. To brake is always let through:
+    it is what was checked the last time.
+    """
+    admitted[:] = commands
+    for row in range(2):
+        for i in range(lam.shape[0]):
+            work.places[row, i, 0], work.speed[row, i, 0], work.length[row, i] = lam[i], mu[i], 0
+    unsure, parts = scripted | uncertain, PARTS * ticks
+    fits, tried, changed = False, False, False
+    sweep = 0
+    while not fits:
+        fits = True
+        for r in range(orders.shape[0]):
+            if orders[r] == 2 or scripted[tables.region[r, orders[r], 0]]:
+                continue
+            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, parts, work):
+                fits = False
+                if not tried:
+                    tried = True
+                    if _other_orders(world, tables, orders, lam, mu, admitted, scripted, unsure, parts, work):
+                        return False
+                i = tables.region[r, orders[r], 0]
+                if sweep < SWEEPS:
+                    _cut(world, tables, orders, i, lam, mu, admitted, unsure, parts, work)
+                else:
+                    admitted[i], work.length[0, i] = 0.0, 0
+                changed = True
+        sweep += 1
+    return changed

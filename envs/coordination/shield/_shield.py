@@ -1,0 +1,290 @@
+"""The shield of one environment: lets through the largest commands that can neither collide nor end in a deadlock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import combinations, permutations
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armtempo.arrays import Floats
+from armtempo.envs.coordination.shield._kernels import (
+    PARTS,
+    ShieldTables,
+    ShieldWork,
+    admit,
+    feasible,
+    fill_braked,
+    first_orders,
+)
+from armtempo.envs.coordination.world._simulation import Simulation
+from armtempo.envs.coordination.world._world import World
+from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners import Cell, Execution, PassingOrders, Precedence, VciExecution, precedence, schedule
+
+FEW = 4  # arms of which all priority orders are tried
+MANY = 12  # regions of which all orders are tried
+PLACES = 64  # before which an arm that brakes is known to stop
+BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
+
+
+def shield_tables(
+    cell: Cell, world: World, *, scripted: Sequence[int] = (), plan: Precedence | None = None, tube_m: float = 0.0
+) -> ShieldTables:
+    """What the kernel needs of a cell.
+
+    Args:
+        cell: The cell.
+        world: Its packed form.
+        scripted: Arms that the shield does not change. Without a plan they pass first everywhere.
+        plan: What the scripted arms obey.
+        tube_m: How far every arm may be off its reference beyond the reserve of planned clearance [m].
+    """
+    if not (np.isfinite(tube_m) and tube_m >= 0.0):
+        raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
+    orders = PassingOrders.of_cell(cell, 2.0 * tube_m)
+    parts, region, length = [np.zeros(1)], [], 1  # never empty
+    for a, b, begin_a, begin_b, limit_a, limit_b in orders.regions:
+        region.append(
+            [
+                [b, a, begin_a, len(limit_b), length],
+                [a, b, begin_b, len(limit_a), length + len(limit_b)],
+            ]
+        )
+        parts += [limit_b, limit_a]
+        length += len(limit_a) + len(limit_b)
+    arms = len(cell.arms)
+    stations = max(len(plane.rows.station) for plane in cell.planes)
+    braked, before = np.zeros((arms, PLACES, stations)), np.zeros((arms, stations), dtype=np.int64)
+    for i, plane in enumerate(cell.planes):
+        count = len(plane.rows.station)
+        fill_braked(world, i, braked[i, :, :count], before[i, :count])
+    return ShieldTables(
+        buffer=np.concatenate(parts),
+        region=np.array(region, dtype=np.int64).reshape(-1, 2, 5),
+        cells=orders.resolutions.copy(),
+        candidates=_candidates(cell, orders, tuple(scripted), plan),
+        holdable=np.array(cell.holdable),
+        braked=braked,
+        before=before,
+    )
+
+
+def _candidates(
+    cell: Cell, orders: PassingOrders, scripted: tuple[int, ...], plan: Precedence | None
+) -> NDArray[np.int8]:
+    """(C, R) orders to begin with: priorities as they are, then others; where none of them leads on, a mixed one."""
+    arms = len(cell.arms)
+    if plan is not None:
+        rows = [orders.of_precedence(plan)]
+    elif scripted:
+        free = [i for i in range(arms) if i not in scripted]
+        ranks = permutations(free) if len(free) <= FEW else [tuple(free)]
+        rows = [orders.of_ranks((*scripted, *rank)) for rank in ranks]
+        for r, region in enumerate(orders.regions):
+            if region.a in scripted and region.b in scripted:  # they run whatever the others do
+                for row in rows:
+                    row[r] = 2
+    else:
+        ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
+        rows = [orders.of_ranks(rank) for rank in ranks]
+        if not any(_leads_on(orders, row) for row in rows):
+            rows += _mixed_order(cell, orders, rows[0])
+    return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
+
+
+def _mixed_order(cell: Cell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
+    """One order that leads on where no priority does, as near to the given one as can be; none if there is none."""
+    regions = range(len(priority))
+    if len(priority) > MANY:  # too many to try them all
+        with suppress(InfeasibleError):
+            return [orders.of_precedence(precedence(schedule(cell, "optimal")))]
+        return []
+    for count in range(1, len(priority)):
+        for turned in combinations(regions, count):
+            row = priority.copy()
+            row[list(turned)] ^= 1
+            if _leads_on(orders, row):
+                return [row]
+    return []
+
+
+def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
+    meant = orders.precedence(row)
+    try:
+        meant.check_deadlock_free()
+    except InfeasibleError:
+        return False
+    return all(limit[0] > 0.0 for limit in meant.limits.values())  # else an arm is in the way where it starts
+
+
+def shield_work(cell: Cell, regions: int) -> ShieldWork:
+    """Scratch for one thread."""
+    arms, ticks = len(cell.arms), cell.ticks_per_period
+    longest = BRAKING * max(motion.duration for motion in cell.fastest)
+    periods = int(np.ceil(longest / cell.control_period)) + 2
+    return ShieldWork(
+        places=np.zeros((2, arms, PARTS * ticks * periods + 1)),
+        length=np.zeros((2, arms), dtype=np.int64),
+        rest=np.zeros((2, arms), dtype=np.bool_),
+        speed=np.zeros((2, arms, periods + 1)),
+        orders=np.zeros((2, regions), dtype=np.int8),
+        lam=np.zeros((2, arms)),
+        speeds=np.zeros(PARTS * ticks),
+    )
+
+
+@final
+class Shield:
+    """Commands that leave a way out, for the arms of one cell.
+
+    A requested set of commands is let through if every arm, after one period under its own and maximum braking from
+    then on, stays behind the limits of a passing order from which all arms arrive. Else the order is changed, where
+    the requests ask for it and all arms arrive under the other one too; else commands are cut, none more than needed.
+
+    Args:
+        cell: The cell.
+        world: Its packed form.
+        scripted: Arms that are not changed. Without a plan they pass first everywhere.
+        plan: The precedence that scripted arms obey.
+        tube_m: See ``shield_tables``.
+    """
+
+    def __init__(
+        self,
+        cell: Cell,
+        world: World,
+        *,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
+        tube_m: float = 0.0,
+    ) -> None:
+        arms = len(cell.arms)
+        self.cell = cell
+        self.tables = shield_tables(cell, world, scripted=scripted, plan=plan, tube_m=tube_m)
+        self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
+        self._world = world
+        self.work = shield_work(cell, len(self.orders))
+        self._ticks = cell.ticks_per_period
+        self._planned = plan is not None
+        self._scripted = np.zeros(arms, dtype=np.bool_)
+        self._scripted[list(scripted)] = True
+        self._uncertain = np.zeros(arms, dtype=np.bool_)
+        self._admitted = np.zeros(arms)
+
+    def reset(self, lam: ArrayLike, uncertain: ArrayLike = False) -> None:
+        """Choose who passes first for arms at rest at ``lam`` (A,); ``uncertain`` (A,): arms that may be disturbed.
+
+        Raises:
+            InfeasibleError: From there no passing order leads all arms to their ends.
+        """
+        self._uncertain[:] = uncertain
+        places = np.array(lam, dtype=np.float64)
+        if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self.work):
+            names = ", ".join(repr(arm.name) for arm in self.cell.arms)
+            scripted = self._scripted.any() and not self._planned
+            raise InfeasibleError(
+                f"the shield finds no passing order in which all arms arrive: {names} from {places.round(4).tolist()}",
+                remedy="let the other arms follow a plan, others='optimal'" if scripted else "start the arms elsewhere",
+                arms=tuple(range(len(places))),
+            )
+
+    def admit(self, lam: Floats, mu: Floats, commands: Floats) -> Floats:
+        """(A,) the commands that are let through for the next period; a new array."""
+        admit(
+            self._world, self.tables, self.orders, lam, mu, commands, self._scripted, self._uncertain, self._ticks,
+            self._admitted, self.work,
+        )  # fmt: skip
+        return self._admitted.copy()
+
+    def leads_on(self, lam: Floats) -> bool:
+        """Whether from arms at rest at ``lam`` (A,) the orders as they are lead all arms to their ends."""
+        return bool(feasible(self._world, self.tables, self.orders, lam.copy(), np.zeros(len(lam))))
+
+
+def plan_of(cell: Cell, execution: Execution | None) -> Precedence | None:
+    """What the arms of an execution obey; None: nothing, they run at full speed.
+
+    Raises:
+        InputError: It does not say.
+    """
+    if execution is None:
+        return None
+    if isinstance(execution, VciExecution):
+        pairs = combinations(range(len(cell.arms)), 2)
+        lengths = [path.length for path in cell.paths]
+        return Precedence.of_order(lengths, execution.order, {pair: cell.chart_between(*pair) for pair in pairs})
+    plan = getattr(execution, "precedence", None)
+    if not isinstance(plan, Precedence):
+        raise InputError(
+            f"the shield does not know whom {type(execution).__name__} waits for",
+            remedy="give it an attribute 'precedence', a Precedence that its arms obey",
+        )
+    return plan
+
+
+@final
+class EpisodeShield:
+    """A shield over a running simulation, and what it changed.
+
+    Args:
+        simulation: The world of an environment.
+        scripted: See ``Shield``.
+        plan: See ``Shield``.
+        tube_m: See ``shield_tables``.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        scripted: Sequence[int] = (),
+        plan: Precedence | None = None,
+        tube_m: float = 0.0,
+    ) -> None:
+        self._simulation = simulation
+        self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
+        # Plans keep the reserve between two arms: half of it is for each.
+        self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
+        self.shield.reset(np.zeros(simulation.arms))  # not from where it is: what is drawn there may be drawn again
+        self._clear()
+
+    def reset(self) -> None:
+        """Begin an episode where the simulation is; raises as ``Shield.reset``."""
+        self.shield.reset(self._simulation.lam, self._simulation.uncertain)
+        self._clear()
+
+    def _clear(self) -> None:
+        arms = self._simulation.arms
+        self._change, self._sum, self._count = np.zeros(arms), np.zeros(arms), np.zeros(arms, dtype=np.int64)
+        self._steps = 0
+
+    def leads_on(self) -> bool:
+        """Whether there is a way on from where the simulation begins."""
+        try:
+            self.shield.reset(self._simulation.lam)
+        except InfeasibleError:
+            return False
+        return True
+
+    def commands(self, commands: Floats) -> Floats:
+        """(A,) what is let through of the commands for the next period."""
+        admitted = self.shield.admit(self._simulation.lam, self._simulation.mu, commands)
+        self._change = commands - admitted
+        self._sum += self._change
+        self._count += self._change != 0.0
+        self._steps += 1
+        return admitted
+
+    def report(self, i: int, info: dict[str, Any], over: bool) -> None:
+        """Add to arm i's info what was changed in the last period; when it is over, the sums too."""
+        change = float(self._change[i])
+        info["shield"] = {"changed": change != 0.0, "change": change}
+        if self._simulation.physics == "bullet":
+            info["shield_tube_exceeded"] = bool(self._simulation.tracking_error().max() > self._tube)
+        if over:
+            info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])
+            info["shield_change"] = float(self._sum[i])

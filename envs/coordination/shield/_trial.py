@@ -1,0 +1,179 @@
+"""Shielded episodes in one compiled loop, for trials of millions of steps: requests that mean no good, in ``ideal``."""
+
+# ruff: noqa: NPY002 (numba has no Generator that is seeded inside)
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.arrays import Bools, Floats, Ints
+from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
+from armtempo.envs.coordination.shield._shield import Shield
+from armtempo.envs.coordination.world._simulation import Simulation
+from armtempo.envs.coordination.world._world import World, clearance_of, length_of, steps_of
+from armtempo.planners import Cell, Mode, phase_kernels, tabulated_clearance
+from armtempo.robots import njit
+
+REQUESTS = ("full", "random", "persistent", "bang-bang", "mixed")
+SEQUENTIAL_TIMES = 5.0  # within which arms that ask for full speed must arrive
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShieldTrial:
+    """What came of it.
+
+    Attributes:
+        steps: Agent steps: control periods times arms on their way.
+        episodes: How often the arms started.
+        violations: Episodes with a tick below ``d_min``.
+        stuck: Episodes in which full speed from some state on did not lead all arms to their ends in time.
+        changed: Share of agent steps with a command that was cut.
+        change: Mean cut over all agent steps, in commands.
+        makespan: Longest [s].
+        clearance: Smallest [m].
+    """
+
+    steps: int
+    episodes: int
+    violations: int
+    stuck: int
+    changed: float
+    change: float
+    makespan: float
+    clearance: float
+
+
+@njit
+def _request(kind: int, before: float) -> float:
+    if kind == 0:
+        return 1.0
+    if kind == 1:
+        return np.random.random()
+    if np.random.random() > 0.1:
+        return before
+    if kind == 2:
+        return np.random.random()
+    return 1.0 if np.random.random() < 0.5 else 0.0
+
+
+@njit
+def _run(
+    world: World, tables: ShieldTables, orders: NDArray[np.int8], work: ShieldWork, shielded: bool, kind: int,
+    scripted: Bools, uncertain: Bools, ticks: int, d_min: float, most: int, steps: int, seed: int, counts: Ints,
+    figures: Floats,
+) -> None:  # fmt: skip
+    """Fill ``counts`` (steps, episodes, violations, stuck, changed) and ``figures`` (change, makespan, clearance)."""
+    np.random.seed(seed)
+    arms = scripted.shape[0]
+    places, speeds = np.empty((arms, ticks)), np.empty(ticks)
+    kinds = np.empty(arms, np.int64)
+    asked, admitted, done = np.empty(arms), np.empty(arms), np.empty(arms)
+    while counts[0] < steps:
+        counts[1] += 1
+        lam, mu = np.zeros(arms), np.zeros(arms)
+        first_orders(world, tables, lam, scripted, orders, work)
+        for i in range(arms):
+            kinds[i] = np.random.randint(0, 4) if kind == 4 else kind
+            asked[i] = np.random.random()
+        standing = np.random.randint(0, most // 10 + 1)  # periods an uncertain arm is late
+        slow = np.random.random() if np.random.random() < 0.5 else 1.0
+        stopped = False
+        full_from = np.random.randint(1, most) if kind > 0 else 0
+        period, running, violated = 0, True, False
+        while running and not violated:
+            if period > full_from + most:
+                counts[3] += 1
+                break
+            for i in range(arms):
+                asked[i] = 1.0 if period >= full_from or scripted[i] else _request(kinds[i], asked[i])
+            admitted[:] = asked
+            if shielded:
+                admit(world, tables, orders, lam, mu, asked, scripted, uncertain, ticks, admitted, work)
+            if np.random.random() < 0.05:
+                stopped = not stopped and period < full_from + most // 2
+            used, running = 0.0, False
+            for i in range(arms):
+                before = lam[i]
+                command = admitted[i]
+                if uncertain[i] and period < full_from + most // 2:
+                    command = 0.0 if stopped else slow * command
+                if uncertain[i] and period < standing:
+                    places[i] = lam[i]
+                else:
+                    lam[i], mu[i], done[i] = phase_kernels.run(
+                        steps_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
+                        speeds,
+                    )  # fmt: skip
+                if before < length_of(world, i):
+                    counts[0] += 1
+                    used = max(used, done[i])
+                    figures[0] += asked[i] - admitted[i]
+                    counts[4] += admitted[i] < asked[i]
+                running = running or lam[i] < length_of(world, i)
+            for p in range(world.clearance.shape[0]):
+                table, a, b = clearance_of(world, p), world.clearance[p, 0], world.clearance[p, 1]
+                if scripted[a] and scripted[b]:
+                    continue
+                for k in range(ticks):
+                    distance = tabulated_clearance(table, places[a, k], places[b, k])
+                    figures[2] = min(figures[2], distance)
+                    violated = violated or distance < d_min
+            if not running:
+                figures[1] = max(figures[1], period * ticks * world.tick + used)
+            period += 1
+        counts[2] += violated
+
+
+def shield_trial(
+    cell: Cell,
+    requests: str,
+    steps: int,
+    *,
+    seed: int = 0,
+    mode: Mode = "speed",
+    scripted: Sequence[int] = (),
+    uncertain: Sequence[int] = (),
+    shielded: bool = True,
+) -> ShieldTrial:
+    """Run so many agent steps, episode after episode, each at some instant turning to full speed until its end.
+
+    Args:
+        cell: The cell.
+        requests: One of ``REQUESTS``: always full speed; drawn anew every step; drawn now and then; stop and go; or
+            one of these for every arm and episode.
+        steps: Agent steps.
+        seed: Of what is drawn.
+        mode: What a command means.
+        scripted: Arms at full speed whatever the shield wants, which knows.
+        uncertain: Arms that are late, slow, and stop and go; the shield knows only that.
+        shielded: Without: the same requests as they are.
+
+    Raises:
+        InfeasibleError: The shield finds no passing order.
+    """
+    simulation = Simulation(cell, physics="ideal", mode=mode)
+    world = simulation.world
+    shield = Shield(cell, world, scripted=scripted)
+    shield.reset(np.zeros(len(cell.arms)))
+    marks = np.zeros((2, len(cell.arms)), dtype=np.bool_)
+    marks[0, list(scripted)], marks[1, list(uncertain)] = True, True
+    counts, figures = np.zeros(5, dtype=np.int64), np.array([0.0, 0.0, np.inf])
+    most = int(np.ceil(SEQUENTIAL_TIMES * cell.sequential_makespan / cell.control_period))
+    _run(
+        world, shield.tables, shield.orders, shield.work, shielded, REQUESTS.index(requests), marks[0], marks[1],
+        cell.ticks_per_period, cell.d_min, most, steps, seed, counts, figures,
+    )  # fmt: skip
+    agent_steps, episodes, violations, stuck, changed = (int(count) for count in counts)
+    return ShieldTrial(
+        steps=agent_steps,
+        episodes=episodes,
+        violations=violations,
+        stuck=stuck,
+        changed=changed / agent_steps,
+        change=float(figures[0]) / agent_steps,
+        makespan=float(figures[1]),
+        clearance=float(figures[2]),
+    )

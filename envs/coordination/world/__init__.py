@@ -1,0 +1,1 @@
+"""The world of several arms: compiled episodes, disturbances, the simulation."""

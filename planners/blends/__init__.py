@@ -1,0 +1,1 @@
+"""Rounded corners of lines and arcs (Lee2006), their arc length and its inverse."""

@@ -1,0 +1,309 @@
+r"""The corners of a chain of lines and arcs: what is refused, how far each blend reaches, and its polynomial.
+
+Blends are Bezier curves with two, three or four control points per end. ``shares`` are the distances of the inner
+ones from the vertex along the tangents, as shares of the remaining distance L:
+
+    cubic      1 - lambda/3    the paper's F' = lambda L n (Lee2006 eqs. 1-9); G2 between lines iff lambda = 3
+    quintic    .64, .28        Hermite quintic with |F'| = mu L, mu = 1.8, and F'' only across the path; G2 for any
+                               pair; at this mu both peak curvature and its slope are low at square corners
+    low-peak   .76, .38        G2 for any pair, least peak curvature at a given deviation
+    septic     .80, .60, .25   G3 for any pair
+
+Any other shares may be given as a tuple: (a,), (a, b), (a, b, c).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armtempo.arrays import Bools, Floats, Ints
+from armtempo.errors import InputError, PathError, UnknownNameError
+from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends._kernels_all import ARC
+from armtempo.planners.geometry._cartesian_path import NOTHING, TANGENT_TOLERANCE, Arc, Line, floats
+
+Curve = str | tuple[float, ...]
+
+CURVES: dict[str, tuple[float, ...]] = {
+    "cubic": (0.0,),
+    "quintic": (0.64, 0.28),
+    "low-peak": (0.76, 0.38),
+    "septic": (0.80, 0.60, 0.25),
+}
+LEAST_TIME = "least-time"
+SHARPEST = 1e-4  # [rad] corners with a smaller interior angle count as reversals
+GAP = 1e-6  # [m]
+STANDING = 1e-5  # of the remaining distance: a blend with a smaller |F'| somewhere stands still there
+
+
+class PassingLimits(Protocol):
+    """Limits of the line speed: ``LineSpeedLimits``, or anything with its attributes.
+
+    Speed [m/s], acceleration [m/s^2], jerk [m/s^3], normal acceleration [m/s^2] (None: as the acceleration).
+    """
+
+    @property
+    def speed(self) -> float: ...
+
+    @property
+    def acceleration(self) -> float: ...
+
+    @property
+    def jerk(self) -> float: ...
+
+    @property
+    def normal_acceleration(self) -> float | None: ...
+
+
+class Corners(NamedTuple):
+    """The C corners of a chain.
+
+    ``remaining`` (C, 2) [m], 0 where two segments simply join; ``shares`` (C, 3) and ``degree`` (C,); coefficients
+    ``curve`` (C, 8, 3) [m]; ``deviation`` (C,) [m] from the vertex; ``turn`` (C,) [rad].
+    """
+
+    remaining: Floats
+    shares: Floats
+    degree: Ints
+    curve: Floats
+    deviation: Floats
+    turn: Floats
+
+
+def packed_segments(segments: Sequence[Line | Arc]) -> tuple[Ints, Floats, Floats]:
+    """``kind`` (n,), ``shape`` (n, 8, 3) and lengths (n,) of lines and arcs for the kernels."""
+    if isinstance(segments, Line | Arc) or not isinstance(segments, Sequence):
+        raise InputError(f"segments must be a list of lines and arcs, got a {type(segments).__name__}")
+    kind, shape = np.zeros(len(segments), dtype=np.int64), np.zeros((len(segments), 8, 3))
+    for k, segment in enumerate(segments):
+        if isinstance(segment, Line):
+            shape[k, 0], shape[k, 1] = segment.start, (segment.end - segment.start) / segment.length
+        elif isinstance(segment, Arc):
+            kind[k] = ARC
+            shape[k] = arc_shapes(*segment.evaluate(np.zeros(1)), np.array([segment.radius]))[0]
+        else:
+            raise InputError(f"segment {k} is a {type(segment).__name__}", remedy="blend lines and arcs")
+    return kind, shape, np.array([segment.length for segment in segments])
+
+
+def arc_shapes(start: Floats, tangent: Floats, curvature: Floats, radius: Floats) -> Floats:
+    """Kernel shapes (n, 8, 3) of arcs that start at points (n, 3) with these tangents and curvature vectors."""
+    shape = np.zeros((len(start), 8, 3))
+    shape[:, 0], shape[:, 1], shape[:, 2] = start, -curvature * radius[:, None] ** 2, tangent
+    shape[:, 3, 0] = radius
+    return shape
+
+
+def _per_corner(name: str, value: ArrayLike, count: int, pairs: bool = False) -> Floats:
+    """One number for all corners, one per corner, or (``pairs``) two per corner, as (count,) or (count, 2)."""
+    given = floats(value, name)
+    if pairs and given.ndim < 2:
+        given = np.broadcast_to(given[..., None], (*given.shape, 2))
+    wanted = (count, 2) if pairs else (count,)
+    try:
+        out = np.broadcast_to(given, wanted).copy()
+    except ValueError:
+        raise InputError(
+            f"{name} has shape {np.shape(value)} but the path has {count} corners",
+            remedy="give one value for all corners, or one per corner",
+        ) from None
+    if not np.isfinite(out).all() or (out < 0.0).any():
+        raise InputError(f"{name} must be finite and not negative, got {value!r}")
+    return out
+
+
+def curve_shares(curve: Curve, shape_factor: ArrayLike, count: int) -> tuple[Floats, Ints]:
+    """``shares`` (count, 3) and degrees (count,) of a named curve or of a tuple of shares."""
+    factor = _per_corner("shape_factor", shape_factor, count)
+    if ((factor <= 0.0) | (factor > 4.0)).any():
+        raise InputError(
+            f"shape_factor {shape_factor!r} is not in (0, 4]",
+            remedy="3 keeps the curvature continuous, 4 cuts no corner",
+        )
+    named = isinstance(curve, str)
+    if not (named and curve == "cubic") and (factor != 3.0).any():
+        raise InputError(f"shape_factor belongs to the cubic, not to {curve!r}", remedy="drop it")
+    if isinstance(curve, str):
+        if curve not in CURVES:
+            raise UnknownNameError("curve", curve, [*CURVES, LEAST_TIME])
+        inner = CURVES[curve]
+    else:
+        given = floats(curve, "shares of a curve")
+        lowest = -1.0 / 3.0 if given.size == 1 else -1.0  # a cubic's as of its shape factor, (0, 4]
+        if given.shape not in ((1,), (2,), (3,)) or not ((given >= lowest) & (given < 1.0)).all():
+            raise InputError(
+                f"curve {curve!r} is not one share of the remaining distance in [-1/3, 1), or two or three in [-1, 1)",
+                remedy=f"give numbers like {CURVES['quintic']}, or a name: {', '.join(CURVES)}",
+            )
+        inner = tuple(given.tolist())
+    shares = np.zeros((count, 3))
+    shares[:, : len(inner)] = inner
+    if named and curve == "cubic":
+        shares[:, 0] = 1.0 - factor / 3.0
+    return shares, np.full(count, 2 * len(inner) + 1, dtype=np.int64)
+
+
+def plan_corners(
+    kind: Ints,
+    shape: Floats,
+    lengths: Floats,
+    remaining_distance: ArrayLike | None,
+    *,
+    shape_factor: ArrayLike = 3.0,
+    tolerance: ArrayLike | None = None,
+    curve: Curve = "cubic",
+    limits: PassingLimits | None = None,
+) -> Corners:
+    """Blends of all corners of a chain. Arguments as for ``BlendedPath``, segments packed."""
+    count = len(kind) - 1
+    before, after = np.empty((count, 4, 3)), np.empty((count, 4, 3))
+    kernels.segment_points(kind[:-1], shape[:-1], lengths[:-1], before)
+    kernels.segment_points(kind[1:], shape[1:], np.zeros(count), after)
+    station = np.cumsum(lengths)
+    turn = _turns(before, after, station)
+    smooth = turn <= TANGENT_TOLERANCE
+    jump = np.abs(before[:, 2] - after[:, 2]).max(axis=1, initial=0.0)
+    straight = smooth & (jump * np.minimum(lengths[:-1], lengths[1:]) <= 1e-9)
+    least_time = isinstance(curve, str) and curve == LEAST_TIME
+    if remaining_distance is None and tolerance is None and not smooth.all():
+        k = int(np.argmin(smooth))
+        raise InputError(
+            f"segments {k} and {k + 1} meet in a corner of {math.degrees(turn[k]):.4g} degrees",
+            remedy="give remaining_distance or tolerance",
+        )
+    most = np.full((count, 2), np.inf)
+    if remaining_distance is not None:
+        most = _per_corner("remaining_distance", remaining_distance, count, pairs=True)
+    if tolerance is not None:
+        miss = _per_corner("tolerance", tolerance, count)
+        if (miss[~smooth] <= 0.0).any():
+            raise InputError("tolerance must be positive at every corner", remedy="give metres > 0")
+        # blends reach as far to both sides, or the tolerance would not be that of the curve
+        most = np.repeat(most.min(axis=1, keepdims=True), 2, axis=1)
+        joined = straight | (smooth & ((miss <= 0.0) | (remaining_distance is None) | (most[:, 0] <= 0.0)))
+        if least_time:
+            from armtempo.planners.blends._least_time import least_time_shares
+
+            room = 0.5 * lengths  # two blends share an inner segment
+            room[0], room[-1] = lengths[0], lengths[-1]
+            most = np.minimum(most, np.minimum(room[:-1], room[1:])[:, None])
+            shares, degree = least_time_shares(kind, shape, lengths, miss, most[:, 0], joined, limits)
+        else:
+            shares, degree = curve_shares(curve, shape_factor, count)
+        reach = np.zeros(count)
+        kernels.corner_distances(kind, shape, lengths, shares, degree, miss, joined, reach)
+        if not (reach <= 1e10 * miss).all():
+            raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
+        remaining = np.minimum(reach[:, None], most)
+    elif least_time:
+        raise InputError("curve 'least-time' needs a tolerance", remedy="give tolerance, in metres, and limits")
+    else:
+        shares, degree = curve_shares(curve, shape_factor, count)
+        remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
+    _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
+    remaining[(remaining <= 0.0).any(axis=1)] = 0.0
+    coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
+    kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
+    _check_curves(coefficients, degree, remaining, deviation, station, None if tolerance is None else miss)
+    return Corners(remaining, shares, degree, coefficients, deviation, turn)
+
+
+def _check_curves(
+    coefficients: Floats, degree: Ints, remaining: Floats, deviation: Floats, station: Floats, tolerance: Floats | None
+) -> None:
+    """Refuse blends that stand still somewhere, and those that miss the tolerance after all."""
+    slowest = np.full(len(degree), np.inf)
+    kernels.slowest_speeds(coefficients, degree, remaining, slowest)
+    standing = slowest < STANDING * remaining.min(axis=1, initial=np.inf)
+    if standing.any():
+        k = int(np.argmax(standing))
+        raise InputError(
+            f"the blend of segments {k} and {k + 1} at {station[k]:.6g} m stands still: its |F'| comes down to "
+            f"{slowest[k]:.3g} m",
+            remedy="give other shares, or a named curve",
+        )
+    if tolerance is None:
+        return
+    missed = (remaining[:, 0] > 0.0) & (deviation > tolerance * (1.0 + 1e-9))
+    if missed.any():
+        k = int(np.argmax(missed))
+        raise PathError(
+            f"no blend of segments {k} and {k + 1} at {station[k]:.6g} m keeps the tolerance of {tolerance[k]:.6g} m: "
+            f"the one found leaves {deviation[k]:.6g} m",
+            remedy="give another curve, or a smaller remaining_distance",
+            station=float(station[k]),
+            segments=(k, k + 1),
+        )
+
+
+def _turns(before: Floats, after: Floats, station: Floats) -> Floats:
+    """By how much the direction changes at each corner [rad]; gaps and reversals are refused."""
+    gap = np.linalg.norm(after[:, 0] - before[:, 0], axis=1)
+    if (gap > GAP).any():
+        k = int(np.argmax(gap > GAP))
+        raise PathError(
+            f"segments {k} and {k + 1} are {gap[k]:.6g} m apart at {station[k]:.6g} m",
+            remedy="let each start where the last ends",
+            station=float(station[k]),
+            segments=(k, k + 1),
+        )
+    cross = np.linalg.norm(np.cross(before[:, 1], after[:, 1]), axis=1)
+    turn = np.arctan2(cross, np.sum(before[:, 1] * after[:, 1], axis=1))
+    back = turn > math.pi - SHARPEST
+    if back.any():
+        k = int(np.argmax(back))
+        raise PathError(
+            f"segment {k + 1} turns straight back on segment {k} at {station[k]:.6g} m: no blend can pass there",
+            remedy="split the task into two paths that stop there, or put a segment between",
+            station=float(station[k]),
+            segments=(k, k + 1),
+        )
+    return np.asarray(turn)
+
+
+def _check_reach(
+    remaining: Floats, smooth: Bools, turn: Floats, lengths: Floats, station: Floats, by_tolerance: bool
+) -> None:
+    """Refuse corners without a blend, blends longer than their segment, and two that overlap."""
+    bare = ~smooth & (remaining <= 0.0).any(axis=1)
+    if bare.any():
+        k = int(np.argmax(bare))
+        raise PathError(
+            f"segments {k} and {k + 1} meet in a corner of {math.degrees(turn[k]):.4g} degrees at {station[k]:.6g} m, "
+            "and its remaining distance is 0",
+            remedy="give it a remaining distance",
+            station=float(station[k]),
+            segments=(k, k + 1),
+        )
+    remedy = (
+        "lower the tolerance, or give remaining_distance too, as the most a blend may take"
+        if by_tolerance
+        else "lower the remaining distance"
+    )
+    for side, segment_lengths in ((0, lengths[:-1]), (1, lengths[1:])):
+        long = remaining[:, side] > segment_lengths + NOTHING
+        if long.any():
+            k = int(np.argmax(long))
+            need = f"{remaining[k, side]:.6g} m" if remaining[k, side] <= 10 * segment_lengths[k] else "more"
+            raise PathError(
+                f"the blend of segments {k} and {k + 1} at {station[k]:.6g} m needs {need} of segment {k + side}, "
+                f"which is {segment_lengths[k]:.6g} m long",
+                remedy=remedy,
+                station=float(station[k]),
+                segments=(k, k + 1),
+            )
+    excess = remaining[1:, 0] + remaining[:-1, 1] - lengths[1:-1]
+    if (excess > NOTHING).any():
+        k = int(np.argmax(excess > NOTHING))
+        raise PathError(
+            f"the blends at {station[k]:.6g} m and {station[k + 1]:.6g} m overlap by {excess[k]:.6g} m on segment "
+            f"{k + 1}, which is {lengths[k + 1]:.6g} m long",
+            remedy=remedy,
+            station=float(station[k]),
+            segments=(k, k + 1, k + 2),
+        )

@@ -1,0 +1,1 @@
+"""Cells of every kind, built from their files and certified."""

@@ -1,0 +1,1 @@
+"""Where two arms collide: coordination charts certified between samples, clearance tables."""

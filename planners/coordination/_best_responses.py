@@ -1,0 +1,271 @@
+r"""Plans in which motions are shaped: prioritised, and with every arm free to yield.
+
+The optimum is sought from above by alternating best responses: with all motions but one fixed, that one is made as
+early as it can be. What they end in depends on where they start, so they start from several plans: the best start
+delays and offsets, one arm after the other in every order (as far as their number allows), and, with two arms, the
+shortest path through the free cells of the chart redrawn in minimum times. Nobody can execute that path, for it has no
+momentum, but one arm may be *taken* to move along it, a little slowed down, and the other then answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from armtempo.arrays import Floats
+from armtempo.errors import InfeasibleError
+from armtempo.planners.charts._coordination_chart import CoordinationChart
+from armtempo.planners.coordination._interval_search import COARSE, FULL, Stage
+from armtempo.planners.coordination._makespan_bound import guide_path
+from armtempo.planners.coordination._start_delays import delayed, offset, start_offset
+from armtempo.planners.coordination._stop_and_go import stop_and_go
+from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
+from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
+from armtempo.planners.topp._phase_plane import EXCESS
+from armtempo.planners.topp._trajectory import PhaseTrajectory
+
+CLOSE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
+WORTH = 1e-4  # smallest gain of a round of best responses, as a share of the makespan
+ROUNDS = 6  # of best responses
+BETTER = 1.0 - 1e-9  # share of the makespan: ties keep the cell's order, whatever the rounding
+STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)
+MOST_NODES = 2000  # orders begun, when arms only shift their motions
+MOST_SHAPED = 40  # orders begun, when motions are shaped
+
+
+def prioritised(problem: TimingProblem, order: tuple[int, ...]) -> Motions:
+    """Every arm as early as it can be among those that come before it in ``order``, which do not yield.
+
+    Raises:
+        InfeasibleError: Some arm finds no way among those before it.
+    """
+    planned: dict[int, PhaseTrajectory] = {order[0]: problem.fastest[order[0]]}
+    for arm in order[1:]:
+        planned[arm] = respond(problem, arm, planned, FULL)
+    return tuple(planned[arm] for arm in problem.arms)
+
+
+def respond(
+    problem: TimingProblem,
+    arm: int,
+    others: dict[int, PhaseTrajectory],
+    stages: tuple[Stage, ...],
+    horizon: float = np.inf,
+) -> PhaseTrajectory:
+    """An arm's best response; its own minimum-time motion, started in time, where that is earlier."""
+    alone = problem.fastest[arm]
+    try:
+        shifted = alone.delayed(start_offset(problem, arm, others))
+    except InfeasibleError:
+        shifted = None
+    if shifted is not None and shifted.duration <= (1.0 + WORTH) * alone.duration:
+        return shifted
+    try:
+        shaped = problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted)))
+        if not all(pair_is_free(problem.chart_between(j, arm), other, shaped) for j, other in others.items()):
+            raise InfeasibleError("the motion found grazes what is not certified free", reason="not certified")
+        return _earlier(shaped, shifted)
+    except InfeasibleError as error:
+        if shifted is not None:
+            return shifted
+        names = ", ".join(repr(problem.names[j]) for j in others)
+        raise InfeasibleError(
+            f"arm {problem.names[arm]!r} finds no way among {names}: {error.message}",
+            remedy="try another order, or 'optimal', in which all arms may yield",
+            **error.data,
+        ) from error
+
+
+def _end(motion: PhaseTrajectory | None) -> float:
+    return np.inf if motion is None else motion.duration
+
+
+def _earlier(motion: PhaseTrajectory, other: PhaseTrajectory | None) -> PhaseTrajectory:
+    return other if other is not None and other.duration <= motion.duration else motion
+
+
+def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]) -> Motions:
+    """Best responses in turn, the last to arrive first, until no round gains anything."""
+    for _ in range(ROUNDS):
+        before = makespan(motions)
+        for arm in sorted(problem.arms, key=lambda k: -motions[k].duration):
+            if motions[arm].duration <= problem.fastest[arm].duration * (1.0 + WORTH):
+                continue
+            others = {j: motion for j, motion in enumerate(motions) if j != arm}
+            try:
+                response = respond(problem, arm, others, stages, motions[arm].duration)
+            except InfeasibleError:
+                continue  # the lattice is too coarse for the motion it has
+            if response.duration < motions[arm].duration:
+                motions = (*motions[:arm], response, *motions[arm + 1 :])
+        if makespan(motions) > (1.0 - WORTH) * before:
+            break
+    return motions
+
+
+def _guides(problem: TimingProblem) -> Iterator[tuple[int, Occupancy]]:
+    """For two arms: one that is taken to move along the relaxed path, slowed down more and more; and which."""
+    chart = problem.chart_between(0, 1)
+    path = guide_path(problem.fastest[0], problem.fastest[1], chart)
+    if path is None:
+        return
+    clock: Floats = np.arange(len(path), dtype=np.float64) * float(np.diff(path, axis=0).max(initial=0.0))
+    for stretch in STRETCHES:
+        for arm, swapped in ((0, chart), (1, chart.swapped)):
+            yield arm, _virtual(problem.fastest[arm], path[:, arm], np.asarray(stretch * clock), swapped)
+
+
+def _virtual(fastest: PhaseTrajectory, theta: Floats, clock: Floats, chart: CoordinationChart) -> Occupancy:
+    """When an arm is in which column (arm: first index) if at ``clock`` it is where its fastest is at ``theta``."""
+    border = fastest.time_at(np.minimum(chart.step_a * np.arange(chart.resolution + 1), fastest.lam[-1]))
+    border = np.minimum(border, theta[-1])
+    after = np.clip(np.searchsorted(theta, border, side="left"), 1, len(theta) - 1)
+    rise = theta[after] - theta[after - 1]
+    share = np.divide(border - theta[after - 1], rise, out=np.ones_like(rise), where=rise > 0.0)
+    first = clock[after - 1] + share * (clock[after] - clock[after - 1])
+    stays = np.searchsorted(theta, border, side="right") - 1  # the last row at a place where it waits
+    last = np.maximum(first, np.where(theta[stays] == border, clock[stays], -np.inf))
+    enter, leave = first[:-1].copy(), last[1:].copy()
+    enter[0], leave[border[1:] >= theta[-1]] = -np.inf, np.inf
+    return Occupancy(enter, leave)
+
+
+def _answered(problem: TimingProblem, arm: int, virtual: Occupancy) -> Motions | None:
+    """The other arm answers a virtual one, the arm itself answers that answer; None if either cannot."""
+    other = 1 - arm
+    try:
+        answer = problem.searches[other].respond({arm: virtual}, stages=COARSE[:1])
+        own = respond(problem, arm, {other: answer}, COARSE[:1])
+    except InfeasibleError:
+        return None
+    return (own, answer) if arm == 0 else (answer, own)
+
+
+def _orders(problem: TimingProblem) -> list[tuple[int, ...]]:
+    """All orders of two arms; of more, what a search over orders with start offsets or, failing that, shapes finds."""
+    if len(problem.arms) == 2:
+        return [(0, 1), (1, 0)]
+    found = _search_orders(problem, shaped=False) or _search_orders(problem, shaped=True)
+    return [found] if found else []
+
+
+def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] | None:
+    """Depth first over orders that share what they begin with, cut off at the best makespan so far."""
+    best, best_order, nodes = np.inf, None, 0
+    enough = (1.0 + CLOSE) * problem.attainable
+
+    def begin(order: tuple[int, ...], planned: dict[int, PhaseTrajectory], latest: float) -> None:
+        nonlocal best, best_order, nodes
+        if len(order) == len(problem.arms):
+            best, best_order = latest, order
+            return
+        children = []
+        for arm in problem.arms:
+            if arm in planned or nodes >= (MOST_SHAPED if shaped else MOST_NODES):
+                continue
+            nodes += 1
+            try:
+                motion = (
+                    respond(problem, arm, planned, COARSE)
+                    if shaped
+                    else problem.fastest[arm].delayed(start_offset(problem, arm, planned))
+                )
+            except InfeasibleError:
+                continue
+            children.append((max(latest, motion.duration), -problem.fastest[arm].duration, arm, motion))
+        for reached, _, arm, motion in sorted(children, key=lambda child: child[:3]):
+            if reached < best and best > enough:
+                begin((*order, arm), {**planned, arm: motion}, reached)
+
+    begin((), {}, 0.0)
+    return best_order
+
+
+def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[tuple[Motions, tuple[int, ...]]]:
+    """Plans of start delays and offsets."""
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield delayed(problem, problem.fastest, order), order
+    for order in orders:
+        with suppress(InfeasibleError):
+            yield offset(problem, order), order
+
+
+def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
+    """The best plan that is found with all arms free to yield, and its order: of priority, else of arrival.
+
+    With two arms a plan is found wherever the outer chart has a monotone path of free cells and both can hold still.
+
+    Raises:
+        InfeasibleError: ``reason`` is ``certified infeasible``, ``undecided`` (only the chart's undecided cells are in
+            the way) or ``not holdable`` (an arm that cannot stand still would have to).
+    """
+    if np.isinf(problem.bound.time):
+        raise InfeasibleError(
+            "no timing at all keeps the arms apart (certified)",
+            remedy="lower d_min_m, or move a path or a base",
+            reason="certified infeasible",
+        )
+    if len(problem.arms) == 1:
+        return problem.fastest, (0,)
+    enough = (1.0 + CLOSE) * problem.attainable
+    if np.isinf(enough):
+        raise _no_plan(problem)
+    orders = _orders(problem)
+    best: Motions | None = None
+    best_order: tuple[int, ...] = ()
+
+    def take(motions: Motions | None, order: tuple[int, ...] | None = None) -> None:
+        nonlocal best, best_order
+        if motions is None or (best is not None and makespan(motions) >= BETTER * makespan(best)):
+            return
+        if not problem.is_free(motions):
+            return
+        best = motions
+        arrivals = sorted(problem.arms, key=lambda k: (motions[k].duration, k))
+        best_order = order if order is not None else tuple(arrivals)
+
+    def enough_found() -> bool:
+        return best is not None and makespan(best) <= enough
+
+    for motions, order in _shifted(problem, orders):
+        take(motions, order)
+    for order in orders:
+        if not enough_found():
+            try:
+                take(prioritised(problem, order), order)
+            except InfeasibleError:
+                continue
+    if len(problem.arms) == 2 and not enough_found():
+        candidates = [_answered(problem, arm, virtual) for arm, virtual in _guides(problem)]
+        for motions in sorted((c for c in candidates if c is not None), key=makespan)[:2]:
+            take(improved(problem, improved(problem, motions, COARSE), FULL))
+    if best is None and len(problem.arms) == 2 and all(problem.holdable):
+        slow = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
+        if slow is not None:
+            # its parts are solved on grids of their own
+            if max(motion.certificate.excess for motion in slow) <= EXCESS:
+                take(slow)
+            take(improved(problem, improved(problem, slow, COARSE), FULL))
+    if best is not None and not enough_found():
+        take(improved(problem, best, FULL))
+    if best is None:
+        raise _no_plan(problem)
+    return best, best_order
+
+
+def _no_plan(problem: TimingProblem) -> InfeasibleError:
+    still = [name for name, holds in zip(problem.names, problem.holdable, strict=True) if not holds]
+    if still:
+        return InfeasibleError(
+            f"no timing was found, and arm {still[0]!r} cannot hold still everywhere on its path to wait for one",
+            remedy="raise limits.torque_nm, or move a path or a base",
+            reason="not holdable",
+        )
+    return InfeasibleError(
+        "no timing through cells that are certified free was found, and none is ruled out: undecided",
+        remedy="lower chart_tolerance_m or d_min_m, or move a start, an end or a base",
+        reason="undecided",
+    )

@@ -1,0 +1,137 @@
+"""What coordination plans with: a phase plane per arm and a chart per pair, whatever they were made from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import final
+
+import numpy as np
+
+from armtempo.errors import InfeasibleError
+from armtempo.planners.charts._coordination_chart import CoordinationChart
+from armtempo.planners.coordination._interval_search import IntervalSearch
+from armtempo.planners.coordination._makespan_bound import (
+    MakespanBound,
+    PairBound,
+    PriorityClass,
+    makespan_bound,
+    pair_bound,
+)
+from armtempo.planners.coordination._pair_delay import pair_delay
+from armtempo.planners.coordination._time_windows import Runs, blocked_runs, pair_is_free
+from armtempo.planners.topp._phase_plane import PhasePlane
+from armtempo.planners.topp._trajectory import PhaseTrajectory
+
+Charts = Callable[[int, int], CoordinationChart]
+Motions = tuple[PhaseTrajectory, ...]
+NATURAL = 0.03  # share of the bound by which a start delay may miss it and still be the natural plan
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimingProblem:
+    """Arms on given paths, to be timed.
+
+    Attributes:
+        names: One per arm.
+        planes: One per arm.
+        chart_between: Planning chart of arms (i, j), first index along path i; plans stay in its free cells.
+        bound_chart_between: Likewise the chart of bounds, where only certified-blocked cells count.
+        bound_motions: Minimum-time motions for bounds, and by what share they may be too slow; None: the planes' own.
+    """
+
+    names: tuple[str, ...]
+    planes: tuple[PhasePlane, ...]
+    chart_between: Charts
+    bound_chart_between: Charts
+    bound_motions: Callable[[], tuple[tuple[PhaseTrajectory, float], ...]] | None = None
+
+    @cached_property
+    def arms(self) -> tuple[int, ...]:
+        """Their indices."""
+        return tuple(range(len(self.planes)))
+
+    @cached_property
+    def fastest(self) -> Motions:
+        """The minimum-time motion of every arm."""
+        return tuple(plane.fastest() for plane in self.planes)
+
+    @cached_property
+    def holdable(self) -> tuple[bool, ...]:
+        """Per arm whether it can hold still wherever it is on its path."""
+        return tuple(bool(plane.holdable.all()) for plane in self.planes)
+
+    @cached_property
+    def _runs(self) -> dict[tuple[int, int], Runs]:
+        return {}
+
+    def runs(self, other: int, arm: int) -> Runs:
+        """Where ``other`` shuts the path of ``arm``, found once."""
+        if (other, arm) not in self._runs:
+            self._runs[other, arm] = blocked_runs(self.chart_between(other, arm))
+        return self._runs[other, arm]
+
+    @cached_property
+    def searches(self) -> tuple[IntervalSearch, ...]:
+        """The interval search of every arm."""
+
+        def search(arm: int) -> IntervalSearch:
+            return IntervalSearch(plane=self.planes[arm], runs_with=lambda other: self.runs(other, arm))
+
+        return tuple(search(arm) for arm in self.arms)
+
+    @cached_property
+    def bound(self) -> MakespanBound:
+        """Lower bound on the makespan of any timing, and the class of every pair."""
+        motions = [(m, 0.0) for m in self.fastest] if self.bound_motions is None else list(self.bound_motions())
+        time = max((1.0 - share) * motion.duration for motion, share in motions)
+        pairs: dict[tuple[int, int], PairBound] = {}
+        classes: dict[tuple[int, int], PriorityClass] = {}
+        natural: dict[tuple[int, int], tuple[bool, bool]] = {}
+        for i, j in combinations(self.arms, 2):
+            pair = pair_bound(motions[i][0], motions[j][0], self.bound_chart_between(i, j))
+            pairs[i, j] = pair
+            time = max(time, pair.time * (1.0 - max(motions[i][1], motions[j][1])))
+            if np.isinf(pair.time):
+                classes[i, j] = "infeasible"
+            elif pair_is_free(self.chart_between(i, j), self.fastest[i], self.fastest[j]):
+                classes[i, j] = "free"
+            else:
+                natural[i, j] = self._natural(i, j, pair)
+                classes[i, j] = "uniform" if any(natural[i, j]) else "mixed"
+        return MakespanBound(time=float(time), pairs=pairs, classes=classes, natural=natural)
+
+    def _natural(self, i: int, j: int, pair: PairBound) -> tuple[bool, bool]:
+        """Whether i, or j, may go first everywhere at no cost, and a start delay shows it on the planning chart too."""
+        found = []
+        for free, (a, b) in zip(pair.natural, ((i, j), (j, i)), strict=True):
+            first, second = self.fastest[a], self.fastest[b]
+            try:
+                wait = pair_delay(self.chart_between(a, b), (self.names[a], self.names[b]), first, second)
+            except InfeasibleError:  # in that order nobody could wait
+                wait = np.inf
+            found.append(free and max(first.duration, second.duration + wait) <= (1.0 + NATURAL) * pair.time)
+        return found[0], found[1]
+
+    @cached_property
+    def attainable(self) -> float:
+        """What no plan in free cells of the planning charts can beat, momentum ignored [s]; or infinite."""
+        pairs = (
+            makespan_bound(self.fastest[i], self.fastest[j], self.chart_between(i, j), free_only=True)
+            for i, j in combinations(self.arms, 2)
+        )
+        return max([makespan(self.fastest), *pairs])
+
+    def is_free(self, motions: Motions) -> bool:
+        """Whether all motions stay in free cells of all planning charts."""
+        return all(
+            pair_is_free(self.chart_between(i, j), motions[i], motions[j]) for i, j in combinations(self.arms, 2)
+        )
+
+
+def makespan(motions: Motions) -> float:
+    """Time at which the last arm arrives [s]."""
+    return max(motion.duration for motion in motions)

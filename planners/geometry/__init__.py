@@ -1,0 +1,1 @@
+"""Points, poses and paths in space: lines, arcs, targets over time, waypoint files."""

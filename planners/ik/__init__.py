@@ -1,0 +1,1 @@
+"""Inverse kinematics: the feedback law (Chung) with error bounds, Newton, closed forms."""

@@ -1,0 +1,1 @@
+"""Random cells, the benchmark set, instance files and the bench over them."""

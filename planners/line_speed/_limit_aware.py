@@ -1,0 +1,420 @@
+r"""Least time along a given path under limits of speed, tangential and normal acceleration, and vector jerk.
+
+With ``x(s) = v^2`` the tangential acceleration is ``x'/2``, the normal one ``kappa x``, and the jerk vector
+
+    sqrt(x) L[x],    L[x] = p' x''/2 + 3/2 p'' x' + p''' x,
+
+so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right side is convex: the tangent at any
+``x_k > 0`` lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with
+the tangents taken at the solution before (the convex-concave procedure); all are feasible, and the time only falls.
+
+``x`` is a C1 cubic between knots, and ``x ~ s^(4/3)`` (constant jerk) next to a rest. The result becomes quintics in
+time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dense sampling of the true limits asks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from armtempo.arrays import Floats, Ints
+from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners.line_speed._profile import (
+    LineSpeedLimits,
+    LineSpeedProfile,
+    path_quantities,
+    peaks,
+    profile_states,
+    shares,
+)
+
+ROUNDS = 12
+SETTLED = 1e-3  # a round that gains less, as a share of the time, is the last
+POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
+CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
+EVENLY, CLOSER = 201, 40  # samples of a piece, and towards each of its ends, by which its knots are laid
+PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
+NEAR_REST = 0.25  # of the distance to a rest: the longest interval there
+TRIMS = 3
+PARTS = 2  # quintics per interval
+SAMPLES = 12  # per quintic, both ends included
+CLOSE = 2e-3  # of the largest sample: a peak between samples is higher than they by less
+MARGIN = 1e-6  # of the final slowing, for what lies between the samples
+GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
+
+
+def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
+    """The fastest profile from rest to rest along ``path`` that keeps all ``limits`` as vectors, nearly.
+
+    Where the curvature of the path jumps (a breakpoint whose ``continuity`` is 1) it stops. The work grows linearly
+    with the number of pieces, and with the logarithm of their length over that of a ramp to line speed.
+
+    Args:
+        path: ``length``, ``derivatives(s)``, and where it is made of pieces ``breakpoints`` and ``continuity``; or a
+            single line, arc or blend.
+        limits: Speed, tangential and normal acceleration, jerk of the whole vector.
+
+    Raises:
+        InputError: Limits or a path of another kind.
+        InfeasibleError: The program of some part could not be solved.
+    """
+    if not isinstance(limits, LineSpeedLimits):
+        raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
+    if not (hasattr(path, "length") and hasattr(path, "derivatives")):
+        raise InputError(f"a {type(path).__name__} is no path", remedy="give a BlendedPath, or one segment")
+    stops = _stops(path)
+    knots, rows, now = [np.zeros(1)], [], 0.0
+    for start, end in pairwise(stops):
+        times, coefficients = _between_stops(path, limits, float(start), float(end))
+        knots.append(now + times[1:])
+        rows.append(coefficients)
+        now = float(knots[-1][-1])
+    return LineSpeedProfile(
+        knots=np.concatenate(knots), coefficients=np.concatenate(rows), limits=limits, path=path, length=path.length
+    )
+
+
+def _stops(path: Any) -> Floats:
+    """Where the motion must rest: both ends, and breakpoints with a jump of curvature."""
+    if not hasattr(path, "breakpoints"):  # one segment
+        return np.array([0.0, path.length])
+    inner = np.asarray(path.breakpoints, dtype=np.float64)[1:-1]
+    if hasattr(path, "continuity"):
+        jumps = np.asarray(path.continuity) < 2
+    else:
+        before, after = (path.derivatives(inner, before=side)[2] for side in (True, False))
+        size = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
+        jumps = np.linalg.norm(after - before, axis=-1) > 1e-9 * np.maximum(size, 1.0 / path.length)
+    return np.concatenate([[0.0], inner[jumps], [path.length]])
+
+
+def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float) -> tuple[Floats, Floats]:
+    """Times from 0 and quintics of the motion between two rests."""
+    program = _Program.build(path, limits, _stations(path, limits, start, end))
+    unknowns = program.solve()
+    times, coefficients, over = _motion(path, program, unknowns)
+    for _ in range(TRIMS):  # ask for a little less where the limits are exceeded between the points
+        if (over < 1.0 + 1e-3).all():
+            break
+        program = program.tightened(over)
+        unknowns = program.round(program.values(unknowns)[0])
+        trimmed = _motion(path, program, unknowns)
+        if trimmed[0][-1] < times[-1]:
+            times, coefficients, over = trimmed
+    return times, coefficients
+
+
+def _motion(path: Any, program: _Program, unknowns: Floats) -> tuple[Floats, Floats, Floats]:
+    """The motion as quintics in time, slowed until it keeps the limits; what it asked before, (2, K) by interval."""
+    s, v, a, steps = program.rows(unknowns)
+    coefficients = _quintics(s, v, a, steps)
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    slower, worst = _slowing(path, program.limits, times, coefficients)
+    first = np.concatenate([[0], np.arange(1, len(steps) - 1, PARTS), [len(steps) - 1]])
+    return times * slower, coefficients / slower ** np.arange(6), np.maximum.reduceat(worst, first, axis=1)
+
+
+def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> Floats:
+    """Knots from rest to rest: at the breakpoints, dense in blends, near stops and over ramps."""
+    inner = np.asarray(getattr(path, "breakpoints", []), dtype=np.float64)
+    marks = np.concatenate([[start], inner[(inner > start) & (inner < end)], [end]])
+    speed, acceleration, jerk = limits.speed, limits.acceleration, limits.jerk
+    swing = min(acceleration / jerk, math.sqrt(speed / jerk))  # [s] of a jerk
+    ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
+    first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
+    marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
+    closer = np.geomspace(1e-6, 1.0 / (EVENLY - 1), CLOSER + 2)[1:-1]
+    share = np.concatenate([np.linspace(1e-6, 1.0 - 1e-6, EVENLY), closer, 1.0 - closer])
+    s = marks[:-1, None] + np.diff(marks)[:, None] * np.sort(share)  # (pieces, samples)
+    bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
+    cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
+    change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
+    stations = [np.array([start, start + first])]
+    for k, (low, high) in enumerate(pairwise(marks)):
+        length = high - low
+        from_end = np.minimum(s[k] - low, high - s[k])
+        spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
+        if bend[k].max() * length > CURVED:
+            spacing = np.minimum(spacing, 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
+        spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
+        spacing = np.minimum(spacing, NEAR_REST * np.minimum(s[k] - start, end - s[k]))
+        density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
+        count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
+        inside = np.interp(np.linspace(0.0, count[-1], math.ceil(count[-1]) + 1)[1:], count, s[k])
+        inside[-1] = high
+        stations.append(inside)
+    stations.append(np.array([end]))
+    return np.concatenate(stations)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Program:
+    """The cone program between two rests. Unknowns at every knot, by turns: ``x`` and ``x' h``, over a first guess.
+
+    Attributes:
+        limits: What the motion keeps.
+        stations: (K+1,) knots [m]; x grows with (distance from rest)^(4/3) in the first and the last interval.
+        free: (2K+2, n) sparse: the unknowns by those that are left when both ends are at rest.
+        scale: (K+1, 2) what an unknown of 1 means for x and x'.
+        basis: (3, K, P, 4) x and its two derivatives at the points, by the unknowns of both knots.
+        weights: (K, P) quadrature weights of ``ds / sqrt(x)`` [m].
+        guess: (K, P) a first x to take tangents at [m^2/s^2].
+        cap: (K, P) largest x by speed and normal acceleration [m^2/s^2].
+        jerk: (K,) limit of the jerk [m/s^3].
+        bend: (K, P, 3, 3) third, 3/2 second, 1/2 first derivative of p: L[x] by x and its derivatives.
+    """
+
+    limits: LineSpeedLimits
+    stations: Floats
+    free: Any
+    scale: Floats
+    basis: Floats
+    weights: Floats
+    guess: Floats
+    cap: Floats
+    jerk: Floats
+    bend: Floats
+
+    @classmethod
+    def build(cls, path: Any, limits: LineSpeedLimits, stations: Floats) -> _Program:
+        from scipy import sparse
+
+        steps = np.diff(stations)
+        s = stations[:-1, None] + POINTS * steps[:, None]
+        _, d1, d2, d3 = path.derivatives(s)
+        cap = np.minimum(limits.speed**2, limits.normal / np.maximum(np.linalg.norm(d2, axis=-1), 1e-300))
+        guess = _guess(limits, s, cap, stations)
+        at_knots = np.concatenate([[1.0], guess[1:, 0], [1.0]])
+        near = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
+        scale = np.stack([at_knots, at_knots / near], axis=1)
+        weights = np.array([1.0, 4.0, 1.0]) / 6.0 * steps[:, None]
+        weights[0], weights[-1] = [0.0, 0.0, 3.0 * steps[0]], [3.0 * steps[-1], 0.0, 0.0]  # t = 3 s / v
+        knots = len(stations)
+        free = sparse.eye(2 * knots, format="lil")
+        free[3, 2] = 4.0 / 3.0 * near[1] / steps[0]  # x' = 4/3 x / s at the end of a constant jerk
+        free[2 * knots - 3, 2 * knots - 4] = -4.0 / 3.0 * near[-2] / steps[-1]
+        kept = np.setdiff1d(np.arange(2 * knots), [0, 1, 3, 2 * knots - 3, 2 * knots - 2, 2 * knots - 1])
+        return cls(
+            limits=limits,
+            stations=stations,
+            free=free.tocsc()[:, kept],
+            scale=scale,
+            basis=_basis(stations, scale, POINTS),
+            weights=weights,
+            guess=guess,
+            cap=cap,
+            jerk=np.full(len(steps), limits.jerk),
+            bend=np.stack([d3, 1.5 * d2, 0.5 * d1], axis=-2),
+        )
+
+    def tightened(self, over: Floats) -> _Program:
+        """The same with lower limits of normal acceleration and jerk where time would have to stretch (2, K)."""
+        normal, jerk = np.maximum(over, 1.0)
+        return replace(self, cap=self.cap / normal[:, None] ** 2, jerk=self.jerk / jerk**3)
+
+    @cached_property
+    def hulls(self) -> tuple[Floats, Floats]:
+        """(K, 2, 4) inner control values of x over speed^2, and first two of x' over its limit: hulls of both."""
+        h = np.diff(self.stations)[:, None]
+        scale = np.concatenate([self.scale[:-1], self.scale[1:]], axis=1)
+        zero = np.zeros_like(h)
+        first = np.concatenate([zero + 1.0, h / 3.0, zero, zero], axis=1) * scale
+        second = np.concatenate([zero, zero, zero + 1.0, -h / 3.0], axis=1) * scale
+        start = np.concatenate([zero, zero + 1.0, zero, zero], axis=1) * scale
+        values = np.stack([first, second], axis=1) / self.limits.speed**2
+        slopes = np.stack([start, 3.0 * (second - first) / h], axis=1) / (2.0 * self.limits.acceleration)
+        ends = [0, -1]  # constant jerk: largest at the knot, which the neighbour asks for, or the jerk
+        values[ends] = 0.0
+        slopes[ends] = 0.0
+        slopes[-1, 0] = start[-1] / (2.0 * self.limits.acceleration)
+        return values, slopes
+
+    def values(self, unknowns: Floats) -> Floats:
+        """(3, K, P) x and its two derivatives at the points."""
+        return _values(self.basis, self.free @ unknowns)
+
+    def time(self, unknowns: Floats) -> float:
+        """Duration by Simpson's rule [s]."""
+        x = self.values(unknowns)[0]
+        return float((self.weights / np.sqrt(x)).sum()) if (x > 0.0).all() else math.inf
+
+    def solve(self) -> Floats:
+        """Rounds of cone programs, each with the tangents of the solution before; the unknowns of the best.
+
+        Raises:
+            InfeasibleError: A program that cannot be solved.
+        """
+        unknowns, best, reference = np.zeros(self.free.shape[1]), math.inf, self.guess
+        for _ in range(ROUNDS):
+            candidate = self.round(reference)
+            time = self.time(candidate)
+            while best < time * (1.0 - 1e-6):  # any mean of two feasible motions is one
+                candidate = 0.5 * (candidate + unknowns)
+                time = self.time(candidate)
+            if time < math.inf:
+                settled = best - time < SETTLED * best < math.inf
+                unknowns, best = candidate, time
+                if settled:
+                    break
+            # tangents may be taken anywhere above zero
+            reference = np.maximum(self.values(candidate)[0], 0.02 * reference)
+        if best == math.inf:
+            raise InfeasibleError("no motion within the limits was found", remedy="bring the limits closer together")
+        return unknowns
+
+    def round(self, reference: Floats) -> Floats:
+        """The best x whose jerk keeps the tangents at ``reference`` (K, P)."""
+        from clarabel import clarabel  # type: ignore[attr-defined, unused-ignore]
+        from scipy import sparse
+
+        basis = self.basis
+        intervals = len(basis[0])
+        columns = 2 * np.arange(intervals)[:, None] + np.arange(4)
+
+        def matrix(rows: Floats, of: Ints) -> Any:
+            """Rows (R, 4) that belong to intervals ``of`` (R,)."""
+            start = 4 * np.arange(len(rows) + 1)
+            return sparse.csr_matrix((rows.ravel(), columns[of].ravel(), start), shape=(len(rows), 2 * intervals + 2))
+
+        interval = np.broadcast_to(np.arange(intervals)[:, None], reference.shape)
+        x = basis[0, :, :2]
+        speed, slope = self.hulls
+        size = (np.sqrt(reference) / self.jerk[:, None])[..., None]
+        tangent = basis[0] / (2.0 * reference[..., None])  # sqrt(reference) / jerk |L[x]| <= 3/2 - tangent
+        curved = np.abs(self.bend[:, :, :2]).max(axis=(2, 3)) > 0.0
+        along = (basis[2] * (0.5 * size))[~curved]
+        vector = np.einsum("dkpc,kpdn->kpnc", basis, self.bend * size[..., None])[curved]
+        plain, at = interval[~curved], interval[:, :2].ravel()
+        linear = [
+            ((x / self.cap[:, :2, None]).reshape(-1, 4), at, 1.0),
+            (-(basis[0, :, 0] / self.guess[:, :1])[1:], np.arange(1, intervals), 0.0),
+            (speed.reshape(-1, 4), at, 1.0),
+            ((-speed * (self.limits.speed**2 / self.guess[:, :1, None])).reshape(-1, 4), at, 0.0),
+            (slope.reshape(-1, 4), at, 1.0),
+            (-slope.reshape(-1, 4), at, 1.0),
+            (tangent[~curved] + along, plain, 1.5),
+            (tangent[~curved] - along, plain, 1.5),
+        ]
+        cone = np.concatenate([tangent[curved][:, None], vector], axis=1)
+        rows = np.concatenate([part[0] for part in linear] + [cone.reshape(-1, 4)])
+        of = np.concatenate([part[1] for part in linear] + [np.repeat(interval[curved], 4)])
+        right = np.concatenate(
+            [np.full(len(part[0]), part[2]) for part in linear] + [np.tile([1.5, 0.0, 0.0, 0.0], len(cone))]
+        )
+        flat = sum(len(part[0]) for part in linear)
+        cones = [clarabel.NonnegativeConeT(flat)] + [clarabel.SecondOrderConeT(4)] * len(cone)
+        gain = (self.weights / (2.0 * reference**1.5))[..., None] * basis[0]
+        worth = self.free.T @ np.asarray(matrix(gain.reshape(-1, 4), interval.ravel()).sum(axis=0)).ravel()
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = 1e-6
+        settings.tol_feas = 1e-8
+        empty = sparse.csc_matrix((len(worth), len(worth)))
+        a = (matrix(rows, of) @ self.free).tocsc()
+        solution = clarabel.DefaultSolver(empty, -worth / np.abs(worth).sum(), a, right, cones, settings).solve()
+        unknowns = np.array(solution.x)
+        if not np.isfinite(unknowns).all():
+            raise InfeasibleError(
+                f"no motion within the limits was found: clarabel says {solution.status}",
+                remedy="bring limits closer together",
+            )
+        return unknowns
+
+    def rows(self, unknowns: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Length, speed and acceleration at fine knots (M+1,), and the times between them (M,)."""
+        local = self.free @ unknowns
+        steps = np.diff(self.stations)
+        share = np.arange(PARTS) / PARTS
+        x, slope, _ = _values(_basis(self.stations, self.scale, share), local)
+        inner = (share[:, None] + GAUSS / PARTS).ravel()
+        pace = 1.0 / np.sqrt(_values(_basis(self.stations, self.scale, inner), local)[0])
+        times = (pace.reshape(len(steps), PARTS, -1) * GAUSS_WEIGHTS).sum(axis=-1) * (steps[:, None] / PARTS)
+        s = self.stations[:-1, None] + share * steps[:, None]
+        inside = slice(1, -1)  # of the first and the last interval only the ends: there the jerk is constant
+        v = np.sqrt(x[inside]).ravel()
+        leave, arrive = v[0], math.sqrt(x[-1, 0])
+        return (
+            np.concatenate([[self.stations[0]], s[inside].ravel(), self.stations[-2:]]),
+            np.concatenate([[0.0], v, [arrive, 0.0]]),
+            np.concatenate([[0.0], 0.5 * slope[inside].ravel(), [0.5 * slope[-1, 0], 0.0]]),
+            np.concatenate([[3.0 * steps[0] / leave], times[inside].ravel(), [3.0 * steps[-1] / arrive]]),
+        )
+
+
+def _guess(limits: LineSpeedLimits, s: Floats, cap: Floats, stations: Floats) -> Floats:
+    """(K, P) what cap and acceleration allow, and the jerk from rest."""
+    flat = s.ravel()
+    rise = 2.0 * limits.acceleration * flat
+    x = rise + np.minimum.accumulate(cap.ravel() - rise)
+    x = np.minimum.accumulate((x + rise)[::-1])[::-1] - rise
+    for away in (flat - stations[0], stations[-1] - flat):
+        x = np.minimum(x, (4.5 * limits.jerk) ** (2.0 / 3.0) * away ** (4.0 / 3.0))
+    return np.asarray(x.reshape(s.shape))
+
+
+def _basis(stations: Floats, scale: Floats, share: Floats) -> Floats:
+    """(3, K, S, 4) x and its two derivatives at shares of every interval, by the scaled x and x' at both knots."""
+    h = np.diff(stations)[:, None]
+    t = share
+    value = [1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2]
+    first = [6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t]
+    second = [12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2]
+    cubic = np.stack([np.stack(rows, axis=-1) for rows in (value, first, second)])  # (3, S, 4)
+    basis = cubic[:, None] / np.stack([h**0, h, h**2])[..., None]
+    basis[..., 1::2] *= h[..., None]
+    for k, away, mine in ((0, t, 2), (-1, 1.0 - t, 0)):  # x = x_knot (away)^(4/3)
+        sign = 1.0 if k == 0 else -1.0
+        basis[:, k] = 0.0
+        away = np.maximum(away, 1e-12)
+        basis[0, k, :, mine] = away ** (4.0 / 3.0)
+        basis[1, k, :, mine] = sign * 4.0 / 3.0 * away ** (1.0 / 3.0) / h[k]
+        basis[2, k, :, mine] = 4.0 / 9.0 * away ** (-2.0 / 3.0) / h[k] ** 2
+    return np.asarray(basis * np.concatenate([scale[:-1], scale[1:]], axis=1)[:, None])
+
+
+def _values(basis: Floats, unknowns: Floats) -> Floats:
+    """(3, K, S) x and its derivatives from the unknowns (2K+2,)."""
+    pairs = unknowns.reshape(-1, 2)
+    return np.asarray(np.einsum("dksc,kc->dks", basis, np.concatenate([pairs[:-1], pairs[1:]], axis=1)))
+
+
+def _quintics(s: Floats, v: Floats, a: Floats, steps: Floats) -> Floats:
+    """(M, 6) polynomials through length, speed and acceleration at both ends of every step."""
+    h = steps
+    position = s[1:] - s[:-1] - v[:-1] * h - 0.5 * a[:-1] * h**2
+    speed = v[1:] - v[:-1] - a[:-1] * h
+    acceleration = a[1:] - a[:-1]
+    return np.stack(
+        [
+            s[:-1],
+            v[:-1],
+            0.5 * a[:-1],
+            (10.0 * position - 4.0 * speed * h + 0.5 * acceleration * h**2) / h**3,
+            (-15.0 * position + 7.0 * speed * h - acceleration * h**2) / h**4,
+            (6.0 * position - 3.0 * speed * h + 0.5 * acceleration * h**2) / h**5,
+        ],
+        axis=1,
+    )
+
+
+def _slowing(path: Any, limits: LineSpeedLimits, knots: Floats, coefficients: Floats) -> tuple[float, Floats]:
+    """By how much time must stretch for the true limits to hold; by normal acceleration and jerk for each piece."""
+
+    def stretches(t: Floats) -> Floats:
+        out = np.empty((4, t.size))
+        profile_states(knots, coefficients, t.ravel(), out)
+        s, v, a, j = out.reshape(4, *t.shape)
+        tangential, normal, jerk = path_quantities(path, s, v, a, j)
+        plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
+        return np.stack([plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)])
+
+    sampled = stretches(knots[:-1, None] + shares(SAMPLES) * np.diff(knots)[:, None])
+    # a peak of any kind may be higher between samples than all others at them
+    worst = peaks(stretches, knots, sampled, np.full(3, sampled.max()), CLOSE).max()
+    return float(worst) * (1.0 + MARGIN), sampled[1:].max(axis=2)

@@ -1,0 +1,1 @@
+"""Schedules of a cell by method, their certificates, their execution and their audit."""

@@ -1,0 +1,268 @@
+r"""The dynamics of an arm along its path (Lee1991 eqs. 5 and 8).
+
+With ``q = f(lambda)``, ``mu = dlambda/dt``, the torque of joint i is
+
+    U_i = M_i mu_dot + Q_i mu^2 + R_i mu + S_i,        U_min_i <= U_i <= U_max_i
+    M = J f'      Q = J f'' + C[f', f']      R = F_v f'      S = G + F_c sign(f')
+
+====== ========================================== ==========================
+symbol meaning                                    unit (lambda in metres)
+====== ========================================== ==========================
+M      inertia seen by the path acceleration      N m s^2 / m
+Q      inertia and Coriolis terms of ``mu^2``     N m s^2 / m^2
+R      viscous friction                           N m s / m
+S      gravity and Coulomb friction               N m
+====== ========================================== ==========================
+
+Limits of joint accelerations, ``|f' mu_dot + f'' mu^2| <= a_max``, are further rows with ``M = f'``, ``Q = f''``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armtempo.arrays import Bools, Floats
+from armtempo.errors import InputError
+from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.robots import Arm
+from armtempo.robots import _kernels as kernels
+
+
+def _read_only(value: ArrayLike) -> Floats:
+    array = np.array(value, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+GRADED = 0.05  # share of the grid at either end whose steps shrink towards it: friction is steep in lambda near rest
+STILL = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
+SpeedCap = float | Callable[[Floats], ArrayLike]
+
+
+def moving(dq: Floats) -> Floats:
+    """The sign of every joint's motion (..., n), 0 for joints that only rounding moves."""
+    fastest = np.abs(dq).max(axis=-1, keepdims=True, initial=0.0)
+    sign: Floats = np.sign(np.where(np.abs(dq) > STILL * fastest, dq, 0.0))
+    return sign
+
+
+def _coefficients(arm: Arm, q: Floats, dq: Floats, ddq: Floats, sign: Floats) -> list[Floats]:
+    """M, Q, R, S at samples of a path, each (N, n), and of joints with an acceleration limit once more."""
+    rows = [np.empty_like(q) for _ in range(4)]
+    kernels.path_coefficients(arm.model, q, dq, ddq, *rows)
+    if arm.coulomb.any():
+        rows[3] += arm.coulomb * sign
+    limited = np.flatnonzero(np.isfinite(arm.acceleration_max))
+    if not len(limited):
+        return rows
+    none = np.zeros((len(q), len(limited)))
+    further = (dq[:, limited], ddq[:, limited], none, none)
+    return [np.concatenate([of_torque, of_limit], axis=1) for of_torque, of_limit in zip(rows, further, strict=True)]
+
+
+def _graded(intervals: int) -> Floats:
+    """(N+1,) shares of the path: equal steps, shrinking linearly to the ends over ``GRADED`` of them."""
+    t = np.linspace(0.0, 1.0, intervals + 1)
+    ends = np.minimum(t, 1.0 - t)
+    inside = np.where(ends < GRADED, ends**2 / (2.0 * GRADED), ends - 0.5 * GRADED)
+    return np.asarray(np.where(t < 0.5, inside, 1.0 - GRADED - inside) / (1.0 - GRADED))
+
+
+def _reversals(path: JointPath, joints: Bools) -> Floats:
+    """Stations at which one of the ``joints`` turns back: Coulomb friction jumps there."""
+    found = []
+    for start, stop in zip(path.breakpoints[:-1], path.breakpoints[1:], strict=True):
+        inside = 1e-6 * (stop - start)  # breakpoints have rows on either side already
+        lam = np.linspace(start + inside, stop - inside, 257)
+        low, high = lam[:-1], lam[1:]
+        d_low, d_high = path.evaluate(low)[1], path.evaluate(high)[1]
+        turning = (d_low * d_high < 0.0) & joints
+        for joint in np.flatnonzero(turning.any(axis=0)):
+            a, b = low[turning[:, joint]], high[turning[:, joint]]
+            ahead = d_low[turning[:, joint], joint]
+            for _ in range(60):
+                middle = 0.5 * (a + b)
+                before = path.evaluate(middle)[1][:, joint] * ahead > 0.0
+                a, b = np.where(before, middle, a), np.where(before, b, middle)
+            found.append(b)
+    return np.unique(np.concatenate(found)) if found else np.empty(0)
+
+
+@final
+class PathDynamics:
+    """Rows ``U = M mu_dot + Q mu^2 + R mu + S`` with limits, on a grid of stations.
+
+    Rows need not be joints: acceleration limits are rows with ``M = f'`` and ``Q = f''``.
+
+    Args:
+        grid: (N+1,) stations, never falling; a station that appears twice is a jump of the coefficients.
+        M: (N+1, n) coefficients of ``mu_dot``.
+        Q: (N+1, n) coefficients of ``mu^2``.
+        R: (N+1, n) coefficients of ``mu``.
+        S: (N+1, n) torques at rest.
+        torque_min: (n,) or (N+1, n) lower limits.
+        torque_max: (n,) or (N+1, n) upper limits.
+        speed_max: Upper limits of ``mu``, (N+1,), or None.
+
+    Attributes:
+        joints: How many of the rows, the first, are torques of joints.
+        arm: What it was made from; None: bare arrays.
+        path: Likewise.
+
+    Raises:
+        InputError: A shape is wrong, a number is not finite, or limits cross; the message names the argument.
+    """
+
+    def __init__(
+        self,
+        grid: ArrayLike,
+        M: ArrayLike,
+        Q: ArrayLike,
+        R: ArrayLike,
+        S: ArrayLike,
+        torque_min: ArrayLike,
+        torque_max: ArrayLike,
+        speed_max: ArrayLike | None = None,
+    ) -> None:
+        self.grid = _read_only(grid)
+        self.M = _read_only(M)
+        shape = self.M.shape
+        if len(shape) != 2 or self.grid.shape != shape[:1] or shape[0] < 2 or shape[1] < 1:
+            raise InputError(f"grid and M must have shapes (N+1,) and (N+1, n), got {self.grid.shape} and {shape}")
+        self.Q, self.R, self.S = (_read_only(value) for value in (Q, R, S))
+        for name in ("Q", "R", "S"):
+            if getattr(self, name).shape != shape:
+                raise InputError(f"{name} must have shape {shape} like M, got {getattr(self, name).shape}")
+        limits = []
+        for name, value in (("torque_min", torque_min), ("torque_max", torque_max)):
+            try:
+                limits.append(_read_only(np.broadcast_to(np.asarray(value, dtype=np.float64), shape)))
+            except ValueError:
+                raise InputError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
+        self.torque_min, self.torque_max = limits
+        self.speed_max = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max)
+        if self.speed_max.shape != shape[:1]:
+            raise InputError(f"speed_max must have shape {shape[:1]}, got {self.speed_max.shape}")
+        for name in ("grid", "M", "Q", "R", "S"):
+            if not np.isfinite(getattr(self, name)).all():
+                k = int(np.argwhere(~np.isfinite(getattr(self, name)))[0][0])
+                raise InputError(f"{name} is not finite at row {k}", row=k)
+        if np.isnan(self.torque_min).any() or np.isnan(self.torque_max).any() or np.isnan(self.speed_max).any():
+            raise InputError("torque_min, torque_max and speed_max must not hold NaN")
+        if (self.speed_max < 0.0).any():
+            raise InputError("speed_max must not be negative")
+        if (np.diff(self.grid) < 0.0).any() or self.grid[0] == self.grid[1] or self.grid[-1] == self.grid[-2]:
+            raise InputError("grid must rise, and may stay at one station for two rows only between its ends")
+        if (self.torque_min > self.torque_max).any():
+            k, joint = np.argwhere(self.torque_min > self.torque_max)[0]
+            raise InputError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
+        self.joints = shape[1]
+        self.arm: Arm | None = None
+        self.path: JointPath | None = None
+        self._torque_reserve = 0.0
+        self._speed_cap: SpeedCap | None = None
+
+    @classmethod
+    def from_path(
+        cls,
+        arm: Arm,
+        path: JointPath,
+        *,
+        intervals: int = 1000,
+        torque_reserve: float = 0.0,
+        speed_max: SpeedCap | None = None,
+    ) -> PathDynamics:
+        """Sample the dynamics of ``arm`` along ``path``.
+
+        The grid's steps shrink towards both ends; stations where coefficients jump (breakpoints of the path, joints
+        with Coulomb friction that turn back) appear twice.
+
+        Args:
+            arm: Gives the dynamics, friction, and the limits of torque, speed and acceleration.
+            path: Where the arm goes.
+            intervals: Number of grid intervals N (breakpoints add to it).
+            torque_reserve: Share of every torque limit that the plan leaves unused, in [0, 1).
+            speed_max: A further upper limit of ``mu``: a number, or a function of stations (K,) that gives (K,).
+
+        Raises:
+            InputError: An argument is out of range.
+        """
+        if intervals < 1 or not 0.0 <= torque_reserve < 1.0:
+            raise InputError(
+                f"intervals must be at least 1 and torque_reserve in [0, 1), got {intervals} and {torque_reserve}"
+            )
+        turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
+        jumps = np.union1d(path.breakpoints[1:-1], turns)
+        stations = path.length * _graded(intervals)
+        marks = np.union1d(path.breakpoints, jumps)
+        steps = np.diff(stations)
+        inner = stations[1:-1]  # without slivers beside marks
+        after = np.searchsorted(marks, inner)
+        gap = np.minimum(inner - marks[after - 1], marks[after] - inner)
+        inner = inner[gap > 0.01 * np.minimum(steps[:-1], steps[1:])]
+        return cls._sampled(arm, path, np.sort(np.concatenate([inner, marks, jumps])), torque_reserve, speed_max)
+
+    @classmethod
+    def _sampled(
+        cls, arm: Arm, path: JointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
+    ) -> PathDynamics:
+        """On a given grid, in which stations where coefficients jump appear twice."""
+        q, dq, ddq = path.evaluate(grid)
+        sign = moving(dq)
+        for k in np.flatnonzero(np.diff(grid) == 0.0):  # the first of the two rows belongs to the piece before
+            for rows, value in zip((q, dq, ddq), path.evaluate(grid[k], before=True), strict=True):
+                rows[k] = value
+            sign[k], sign[k + 1] = sign[k - 1], sign[k + 2]
+        M, Q, R, S = _coefficients(arm, q, dq, ddq, sign)
+        with np.errstate(divide="ignore"):
+            speed_max = np.min(np.where(np.abs(dq) > 0.0, arm.speed_max / np.abs(dq), np.inf), axis=1)
+        if speed_cap is not None:
+            cap = np.asarray(speed_cap(grid) if callable(speed_cap) else speed_cap, dtype=np.float64)
+            speed_max = np.minimum(speed_max, np.broadcast_to(cap, grid.shape))
+        limit = (1.0 - torque_reserve) * arm.torque_max
+        limit = np.concatenate([limit, arm.acceleration_max[np.isfinite(arm.acceleration_max)]])
+        dynamics = cls(grid, M, Q, R, S, -limit, limit, speed_max)
+        dynamics.joints, dynamics.arm, dynamics.path = arm.dof, arm, path
+        dynamics._torque_reserve, dynamics._speed_cap = torque_reserve, speed_cap
+        return dynamics
+
+    def refined(self, stations: ArrayLike) -> PathDynamics:
+        """The same limits with the intervals in which ``stations`` (K,) lie cut in four; needs an arm and a path."""
+        if self.arm is None or self.path is None:
+            raise InputError("bare arrays cannot be refined", remedy="give a finer grid")
+        cut = np.unique(np.clip(np.searchsorted(self.grid, stations, side="right") - 1, 0, len(self.grid) - 2))
+        cut = cut[self.grid[cut + 1] > self.grid[cut]]
+        new = (self.grid[cut, None] + np.diff(self.grid)[cut, None] * np.array([0.25, 0.5, 0.75])).ravel()
+        grid = np.sort(np.concatenate([self.grid, new]))
+        return self._sampled(self.arm, self.path, grid, self._torque_reserve, self._speed_cap)
+
+    @property
+    def length(self) -> float:
+        """``lambda_max``, the last station."""
+        return float(self.grid[-1])
+
+    def evaluate(self, lam: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
+        """M, Q, R, S at any ``lam``, each (..., rows): exact from arm and path, else interpolated between stations."""
+        lam = np.asarray(lam, dtype=np.float64)
+        if self.arm is None or self.path is None:
+            M, Q, R, S = (
+                np.stack([np.interp(lam, self.grid, column) for column in rows.T], axis=-1)
+                for rows in (self.M, self.Q, self.R, self.S)
+            )
+            return M, Q, R, S
+        flat = np.atleast_1d(lam).reshape(-1)
+        q, dq, ddq = self.path.evaluate(flat)
+        rows = _coefficients(self.arm, q, dq, ddq, moving(dq))
+        M, Q, R, S = (row.reshape(*lam.shape, -1) for row in rows)
+        return M, Q, R, S
+
+    def torque(self, lam: ArrayLike, mu: ArrayLike, mu_dot: ArrayLike) -> Floats:
+        """Torques ``M mu_dot + Q mu^2 + R mu + S`` (..., joints) [N m] of a motion (Lee1991 eq. 8)."""
+        M, Q, R, S = (rows[..., : self.joints] for rows in self.evaluate(lam))
+        mu, mu_dot = np.asarray(mu)[..., None], np.asarray(mu_dot)[..., None]
+        torque: Floats = M * mu_dot + Q * mu**2 + R * mu + S
+        return torque

@@ -1,0 +1,211 @@
+"""Motions along a path, ``mu_dot`` constant between rows, and the certificate of what they ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armtempo.arrays import Floats
+from armtempo.errors import InfeasibleError
+from armtempo.planners.topp._path_dynamics import PathDynamics, moving
+
+CERTIFY_SAMPLES = 10  # per interval, both ends included
+INSTANT = 1e-12  # share of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
+INSIDE = 1e-9  # share of an interval: each end belongs to its own interval, coefficients may jump at a station
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotionCertificate:
+    """What a motion asks of its arm, sampled densely inside every interval, apart from the planner.
+
+    Attributes:
+        torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
+        speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
+        acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
+        worst_station: Where the torque ratio is largest [lambda].
+        worst_joint: Whose it is.
+        end_error: Distance of the last row from the end of the path [lambda].
+        end_speed_error: Difference of the last mu from the one wanted.
+    """
+
+    torque_ratio_max: float
+    speed_ratio_max: float
+    acceleration_ratio_max: float
+    worst_station: float
+    worst_joint: int
+    end_error: float
+    end_speed_error: float
+
+    @property
+    def torque_excess(self) -> float:
+        """How far the worst torque is above its limit, as a share of it; 0 if it is not."""
+        return max(self.torque_ratio_max - 1.0, 0.0)
+
+    @property
+    def excess(self) -> float:
+        """The same for the worst of torque, speed and acceleration."""
+        return max(self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0) - 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhaseTrajectory:
+    """A motion along a path: rows ``(time, lam, mu)``, ``mu_dot`` constant in between (``mu^2`` is linear in ``lam``).
+
+    Attributes:
+        lam: (N+1,) stations, never falling; two equal rows at rest are a dwell.
+        mu: (N+1,) path speed at the rows.
+        time: (N+1,) instants [s], from 0.
+        dynamics: What the arm is asked to do along the path.
+        mu_end: The path speed wanted at the end.
+    """
+
+    lam: Floats
+    mu: Floats
+    time: Floats
+    dynamics: PathDynamics = field(repr=False)
+    mu_end: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("lam", "mu", "time"):
+            value = np.array(getattr(self, name), dtype=np.float64)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_profile(
+        cls, lam: ArrayLike, mu: ArrayLike, dynamics: PathDynamics, *, delay: float = 0.0, mu_end: float = 0.0
+    ) -> PhaseTrajectory:
+        """The motion through ``(lam, mu)`` rows, after standing at its start for ``delay`` [s]."""
+        lam, mu = np.asarray(lam, dtype=np.float64), np.asarray(mu, dtype=np.float64)
+        steps = np.divide(2.0 * np.diff(lam), mu[:-1] + mu[1:], out=np.zeros(len(lam) - 1), where=np.diff(lam) > 0.0)
+        time = np.concatenate([[0.0], np.cumsum(steps)])
+        return cls(lam=lam, mu=mu, time=time, dynamics=dynamics, mu_end=mu_end).delayed(delay)
+
+    @cached_property
+    def mu_dot(self) -> Floats:
+        """(N,) path acceleration between rows; between rows of one instant that of the rows after them."""
+        steps = np.diff(self.time)
+        lasting = steps > INSTANT * self.duration
+        value = np.divide(np.diff(self.mu), steps, out=np.zeros_like(steps), where=lasting)
+        if lasting.any():
+            of = np.flatnonzero(lasting)
+            value = value[of[np.minimum(np.searchsorted(of, np.arange(len(steps))), len(of) - 1)]]
+        value.setflags(write=False)
+        return value
+
+    @property
+    def duration(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.time[-1])
+
+    def delayed(self, delay: float) -> PhaseTrajectory:
+        """The same motion after standing at its start for ``delay`` [s] more."""
+        if delay <= 0.0:
+            return self
+        if self.mu[0] > 0.0:
+            raise InfeasibleError(f"a motion that starts with mu = {self.mu[0]:.4g} cannot wait at its start")
+        return PhaseTrajectory(
+            lam=np.concatenate([self.lam[:1], self.lam]),
+            mu=np.concatenate([[0.0], self.mu]),
+            time=np.concatenate([[0.0], self.time + delay]),
+            dynamics=self.dynamics,
+            mu_end=self.mu_end,
+        )
+
+    def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """``lam``, ``mu``, ``mu_dot`` at times ``t`` [s] (any shape); at rest before and after the motion."""
+        t = np.asarray(t, dtype=np.float64)
+        inside = np.clip(t, 0.0, self.duration)
+        i = np.clip(np.searchsorted(self.time, inside, side="right") - 1, 0, len(self.time) - 2)
+        tau, u = inside - self.time[i], self.mu_dot[i]
+        mu = np.maximum(self.mu[i] + u * tau, 0.0)
+        lam = np.clip(self.lam[i] + 0.5 * (self.mu[i] + mu) * tau, self.lam[i], self.lam[i + 1])
+        ended = (t < 0.0) | (t > self.duration)
+        return lam, np.where(ended, 0.0, mu), np.where(ended, 0.0, u)
+
+    def time_at(self, lam: ArrayLike) -> Floats:
+        """The first instant [s] at which ``lam`` is reached (any shape); infinite beyond the last row."""
+        lam = np.asarray(lam, dtype=np.float64)
+        i = np.clip(np.searchsorted(self.lam, lam, side="left") - 1, 0, len(self.lam) - 2)
+        way = np.clip(lam - self.lam[i], 0.0, None)
+        mu = np.sqrt(np.maximum(self.mu[i] ** 2 + 2.0 * self.mu_dot[i] * way, 0.0))
+        pace = self.mu[i] + mu
+        step = np.divide(2.0 * way, pace, out=np.zeros_like(way), where=pace > 0.0)
+        reached = np.where(lam <= self.lam[0], 0.0, np.minimum(self.time[i] + step, self.time[i + 1]))
+        return np.where(lam > self.lam[-1], np.inf, reached)
+
+    def torque(self) -> Floats:
+        """(N, 2, n) torques at the start and the end of every interval [N m]."""
+        inside = INSIDE * np.diff(self.lam)
+        both = np.stack([self.lam[:-1] + inside, self.lam[1:] - inside], axis=1)
+        speed = np.stack([self.mu[:-1], self.mu[1:]], axis=1)
+        return self.dynamics.torque(both, speed, np.repeat(self.mu_dot[:, None], 2, axis=1))
+
+    def _samples(self) -> tuple[Floats, Floats, Floats]:
+        """``lam``, ``mu``, ``mu_dot`` (N, CERTIFY_SAMPLES) inside every interval."""
+        w = np.linspace(0.0, 1.0, CERTIFY_SAMPLES)
+        w[0], w[-1] = INSIDE, 1.0 - INSIDE
+        lam = self.lam[:-1, None] + w * np.diff(self.lam)[:, None]
+        mu = np.sqrt(np.maximum(self.mu[:-1, None] ** 2 + w * np.diff(self.mu**2)[:, None], 0.0))
+        return lam, mu, np.broadcast_to(self.mu_dot[:, None], lam.shape)
+
+    @cached_property
+    def _ratios(self) -> tuple[Floats, Floats, Floats]:
+        """Torque / limit (N, K, joints), speed / limit and acceleration / limit (N, K) at the samples."""
+        lam, mu, mu_dot = self._samples()
+        dynamics = self.dynamics
+        grid, joints = dynamics.grid, dynamics.joints
+        row = np.clip(np.searchsorted(grid, lam, side="right") - 1, 0, len(grid) - 2)
+        way = grid[row + 1] - grid[row]
+        share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)
+        cap2 = np.minimum(dynamics.speed_max, 1e9) ** 2
+        speed = mu / np.sqrt(np.maximum((1.0 - share) * cap2[row] + share * cap2[row + 1], 1e-300))
+        low, high = (
+            (1.0 - share[..., None]) * rows[row, :joints] + share[..., None] * rows[row + 1, :joints]
+            for rows in (dynamics.torque_min, dynamics.torque_max)
+        )
+        both = np.isfinite(low) & np.isfinite(high)
+        middle = 0.5 * np.add(low, high, out=np.zeros_like(low), where=both)  # a missing limit is no limit
+        half = np.subtract(high, middle, out=np.full_like(low, np.inf), where=np.isfinite(high))
+        below = np.subtract(middle, low, out=np.full_like(low, np.inf), where=np.isfinite(low))
+        arm, path = dynamics.arm, dynamics.path
+        acceleration = np.zeros_like(lam)
+        if arm is None or path is None:
+            torque = dynamics.torque(lam, mu, mu_dot)
+        else:  # from the robot model, not from the rows that the planner used
+            q, dq, ddq = path.evaluate(lam)
+            qd, qdd = dq * mu[..., None], ddq * mu[..., None] ** 2 + dq * mu_dot[..., None]
+            torque = arm.inverse_dynamics(q, qd, qdd, friction=False)
+            sign = moving(dq)
+            # a joint may turn back at either end of an interval, where rounding would choose its sign
+            sign[:, 0] = sign[:, -1] = sign[:, CERTIFY_SAMPLES // 2]
+            torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, sign, 0.0)
+            speed = np.maximum(speed, (np.abs(qd) / arm.speed_max).max(axis=-1))
+            acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
+        ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
+        ratio[np.diff(self.time) <= 0.0] = 0.0  # two rows of one instant, where coefficients jump: neighbours tell
+        return ratio, speed, acceleration
+
+    @cached_property
+    def certificate(self) -> MotionCertificate:
+        """Worst ratios by dense sampling inside every interval, and the errors at the end."""
+        torque, speed, acceleration = self._ratios
+        worst = np.unravel_index(int(torque.argmax()), torque.shape)
+        return MotionCertificate(
+            torque_ratio_max=float(torque[worst]),
+            speed_ratio_max=float(speed.max()),
+            acceleration_ratio_max=float(acceleration.max()),
+            worst_station=float(self._samples()[0][worst[0], worst[1]]),
+            worst_joint=int(worst[2]),
+            end_error=float(abs(self.lam[-1] - self.dynamics.length)),
+            end_speed_error=float(abs(self.mu[-1] - self.mu_end)),
+        )
+
+    def stations_above(self, tolerance: float) -> Floats:
+        """The sampled stations at which a torque, speed or acceleration exceeds its limit by more than that share."""
+        torque, speed, acceleration = self._ratios
+        worst = np.maximum(np.maximum(torque.max(axis=2), speed), acceleration)
+        return np.asarray(self._samples()[0][worst > 1.0 + tolerance])
