@@ -4,54 +4,71 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armtempo.agents.blend._baselines import (
+from armtempo.agents.blend import (
     BLEND_POLICIES,
     BlendBaseline,
+    BlendEvaluation,
     BlendPolicy,
+    BlendPolicyResult,
     ConstantRate,
     blend_baseline,
-    highest_rate,
-)
-from armtempo.agents.blend._evaluate import (
-    BlendEvaluation,
-    BlendPolicyResult,
     evaluate_blend,
+    highest_rate,
     in_blends,
     reference_demand,
     run_blend_episode,
     speed_errors,
 )
-from armtempo.agents.coordination._baselines import (
+from armtempo.agents.coordination import (
+    ONLINE,
     POLICIES,
+    SPLIT_POLICIES,
+    CellComparison,
+    Evaluation,
     ExecutionPolicy,
     PhasePlanePolicy,
+    PolicyResult,
     RandomPolicy,
+    SplitComparison,
+    compare_on,
+    evaluate,
     make_policy,
+    run_episode,
 )
-from armtempo.agents.coordination._evaluate import ONLINE, Evaluation, PolicyResult, evaluate, run_episode
-from armtempo.agents.coordination._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
-from armtempo.agents.ik._baselines import (
+from armtempo.agents.ik import (
     IK_POLICIES,
     GainPolicy,
+    IKEvaluation,
     IKPolicy,
+    IKPolicyResult,
     LawPolicy,
     NewtonPolicy,
     action_mode_of,
+    evaluate_ik,
     ik_policy,
 )
-from armtempo.agents.ik._evaluate import IKEvaluation, IKPolicyResult, evaluate_ik
-from armtempo.agents.policies._agent_file import Agent, AgentHeader, find_agent, load_agent, save_agent, shipped_agents
-from armtempo.agents.policies._learned import LearnedOneArmPolicy, LearnedPolicy, learned_policy
-from armtempo.agents.policies._policy import Actions, Observations, Policy, RandomActions, SingleArmPolicy, to_action
-from armtempo.agents.training._extra import TRAINING, load_training
-from armtempo.agents.training._sweep import Objective, SweepTrial, sweep
-from armtempo.agents.training._sweep_objective import training_gap
+from armtempo.agents.policies import (
+    Actions,
+    Agent,
+    AgentHeader,
+    LearnedOneArmPolicy,
+    LearnedPolicy,
+    Observations,
+    Policy,
+    RandomActions,
+    SingleArmPolicy,
+    find_agent,
+    learned_policy,
+    load_agent,
+    save_agent,
+    shipped_agents,
+    to_action,
+)
+from armtempo.agents.training import TRAINING, Objective, SweepTrial, load_training, sweep, training_gap
 
 if TYPE_CHECKING:
     from armtempo.agents.training._train import Training, train
-    from armtempo.agents.training.vec_envs._batch import BatchVecEnv
-    from armtempo.agents.training.vec_envs._parallel import ParallelVecEnv
-    from armtempo.agents.training.vec_envs._vector import VectorVecEnv
+    from armtempo.agents.training.vec_envs import BatchVecEnv, ParallelVecEnv, VectorVecEnv
 
 __all__ = [
     "SPLIT_POLICIES",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from armtempo.commands._bench_agents import bench_agents
-from armtempo.commands.console._output import JsonFile, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 
 if TYPE_CHECKING:
     from armtempo.planners import BenchResult, Claim

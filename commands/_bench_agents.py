@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console._output import JsonFile, Output, new_table, number
+from armtempo.commands.console import JsonFile, Output, new_table, number
 
 if TYPE_CHECKING:
     from armtempo.agents import SplitComparison

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from armtempo.commands.console._output import JsonFile, Output, new_table, number, open_any_cell, shown
+from armtempo.commands.console import JsonFile, Output, new_table, number, open_any_cell, shown
 from armtempo.commands.reports._ik import gain_x_period, unsettled
 
 if TYPE_CHECKING:
-    from armtempo.planners import BlendCell, Cell, IKCell
+    from armtempo.planners import BlendCell, CoordinationCell, IKCell
 
 
 def cells(
@@ -79,7 +79,7 @@ CLASSES = {
 }
 
 
-def describe(cell: Cell) -> dict[str, Any]:
+def describe(cell: CoordinationCell) -> dict[str, Any]:
     """A cell in numbers, units in the keys; clearances are None for a single arm."""
     between = {}
     for where, share in (("start", 0.0), ("end", 1.0)):
@@ -121,7 +121,7 @@ def describe(cell: Cell) -> dict[str, Any]:
     }
 
 
-def _show(cell: Cell, output: Output) -> None:
+def _show(cell: CoordinationCell, output: Output) -> None:
     with output.progress(f"Measuring {cell.name}"):
         facts = describe(cell)
     table = new_table(

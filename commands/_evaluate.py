@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console._output import (
+from armtempo.commands.console import (
     CellName,
     JsonFile,
     OutFolder,
@@ -84,9 +84,9 @@ def evaluate(
     output = Output(json_file)
     built = open_any_cell(cell, output)
     from armtempo import agents
-    from armtempo.planners import BlendCell, Cell
+    from armtempo.planners import BlendCell, CoordinationCell
 
-    if not isinstance(built, Cell):
+    if not isinstance(built, CoordinationCell):
         _check_one_arm_options(built, physics, mode, master_late, model_error, family, coordination)
         from armtempo.commands.reports._one_arm import evaluate_one_arm
 

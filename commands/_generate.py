@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console._output import JsonFile, Output, new_table, shown
+from armtempo.commands.console import JsonFile, Output, new_table, shown
 
 
 def generate(

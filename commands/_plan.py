@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console._output import CellName, JsonFile, Output, new_table, number, open_cell, plan_all, shown
+from armtempo.commands.console import CellName, JsonFile, Output, new_table, number, open_cell, plan_all, shown
 
 if TYPE_CHECKING:
-    from armtempo.planners import Cell, Schedule
+    from armtempo.planners import CoordinationCell, Schedule
 
 
 def plan(
@@ -114,7 +114,7 @@ def _check_period(option: str, period: float | None, example: str) -> None:
 
 
 def _export(
-    cell: Cell, schedules: dict[str, Schedule], folder: Path, period: float, suffix: str, output: Output
+    cell: CoordinationCell, schedules: dict[str, Schedule], folder: Path, period: float, suffix: str, output: Output
 ) -> list[Path]:
     """Write one file per method and arm; the files."""
     from armtempo.planners import write_trajectory
@@ -130,7 +130,7 @@ def _export(
     return files
 
 
-def _entry(cell: Cell, schedule: Schedule, seconds: float) -> dict[str, Any]:
+def _entry(cell: CoordinationCell, schedule: Schedule, seconds: float) -> dict[str, Any]:
     certificate = schedule.certificate
     entry: dict[str, Any] = {
         "makespan_s": schedule.makespan,

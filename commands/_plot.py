@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from armtempo.commands.console._output import CellName, OutFolder, Output, default_folder, open_cell, plan_all
+from armtempo.commands.console import CellName, OutFolder, Output, default_folder, open_cell, plan_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from armtempo.planners import Cell, Schedule
+    from armtempo.planners import CoordinationCell, Schedule
 
 
 def plot(
@@ -56,7 +56,7 @@ def draw(figures: Mapping[str, Figure], folder: Path, output: Output) -> list[st
     return names
 
 
-def plan_figures(cell: Cell, schedules: Mapping[str, Schedule], method: str) -> dict[str, Figure]:
+def plan_figures(cell: CoordinationCell, schedules: Mapping[str, Schedule], method: str) -> dict[str, Figure]:
     """Figures of a cell and its plans by file name; charts only where there are two arms or more."""
     from armtempo.commands.figures import _phase as _phase_figures
     from armtempo.commands.figures import _solve as _solve_figures

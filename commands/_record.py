@@ -10,11 +10,11 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from armtempo.commands.console._output import CellName, Output, default_folder, open_cell, shown, silent_stdout
+from armtempo.commands.console import CellName, Output, default_folder, open_cell, shown, silent_stdout
 from armtempo.files import whole_file
 
 if TYPE_CHECKING:
-    from armtempo.planners import Cell
+    from armtempo.planners import CoordinationCell
 
 Frame = NDArray[np.uint8]
 
@@ -79,7 +79,7 @@ def record(
 
 
 def _film(
-    cell: Cell, name: str, *, seed: int, physics: Literal["bullet", "ideal"], master_late: float, skip: int
+    cell: CoordinationCell, name: str, *, seed: int, physics: Literal["bullet", "ideal"], master_late: float, skip: int
 ) -> Iterator[Frame]:
     """The pictures of one episode, every ``skip``-th decision, with the first and the last."""
     from armtempo import agents

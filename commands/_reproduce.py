@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console._output import JsonFile, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 from armtempo.commands.papers._reproduction import Reproduction
 
 

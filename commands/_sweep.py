@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console._output import JsonFile, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 from armtempo.errors import ArmtempoError
 
 ROWS = 10  # of the table: the best

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from armtempo.configs.files._load import (
+from armtempo.configs.files import (
     bundled_cells,
+    bundled_sweeps,
+    bundled_trainings,
     change_blend,
     data_path,
     load_cell_config,
+    load_sweep_config,
+    load_train_config,
     parse_cell_config,
+    parse_train_config,
+    plain_number,
     resolve_file,
     robot_config,
+    trial_training,
 )
-from armtempo.configs.files._load_sweep import bundled_sweeps, load_sweep_config, plain_number, trial_training
-from armtempo.configs.files._load_train import bundled_trainings, load_train_config, parse_train_config
-from armtempo.configs.schema._all import (
+from armtempo.configs.schema import (
     AnyCellConfig,
     ArcConfig,
     ArmConfig,
@@ -44,7 +49,7 @@ from armtempo.configs.schema._all import (
     TimedPoseConfig,
     ToolConfig,
 )
-from armtempo.configs.training._all import (
+from armtempo.configs.training import (
     BenchmarkFilter,
     BlendTraining,
     CoordinationTraining,
@@ -54,10 +59,12 @@ from armtempo.configs.training._all import (
     NetworkConfig,
     PPOConfig,
     SACConfig,
+    SearchedNumber,
+    SweepConfig,
+    SweepValue,
     TQCConfig,
     TrainConfig,
 )
-from armtempo.configs.training._sweep import SearchedNumber, SweepConfig, SweepValue
 
 __all__ = [
     "SearchedNumber",

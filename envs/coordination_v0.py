@@ -7,8 +7,7 @@ from typing import Any
 from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.env import AECEnv
 
-from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
-from armtempo.envs.coordination._vector_envs import CoordinationVectorEnv
+from armtempo.envs.coordination import CoordinationEnv, CoordinationVectorEnv
 
 __all__ = ["CoordinationEnv", "env", "parallel_env", "raw_env", "vector_env"]
 

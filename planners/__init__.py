@@ -2,85 +2,152 @@
 
 from __future__ import annotations
 
-from armtempo.planners.blends._blend import Blend, blend, least_time_blend
-from armtempo.planners.blends._blended_path import BlendedPath
-from armtempo.planners.blends._corners import CURVES, PassingLimits
-from armtempo.planners.blends._kernels_all import PackedPath, blended_point
-from armtempo.planners.blends._least_time import passing_cost
-from armtempo.planners.blends._length_mapping import (
+from armtempo.planners.blends import (
+    CURVES,
+    Blend,
+    BlendedPath,
     ExactMapping,
     LengthMapping,
+    PassingLimits,
     PredictorCorrector,
     arc_length,
+    blend,
+    least_time_blend,
+    passing_cost,
     rk4_length,
 )
-from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
-from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.cells._ik_cell import IKCell
-from armtempo.planners.cells._load import build_cell, load_cell
-from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
-from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
-from armtempo.planners.charts._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
-from armtempo.planners.charts._coordination_chart import ChartRegion, CoordinationChart
-from armtempo.planners.coordination._interval_search import IntervalSearch
-from armtempo.planners.coordination._makespan_bound import (
+from armtempo.planners.blends.kernels import PackedPath, blended_point
+from armtempo.planners.cells import (
+    CELLS,
+    PATH_FAMILIES,
+    PROFILES,
+    TARGET_FAMILIES,
+    BlendCell,
+    Cell,
+    CellBase,
+    CoordinationCell,
+    FamilyName,
+    IKCell,
+    MotionDemand,
+    ProfileName,
+    TargetFamilyName,
+    as_cell,
+    build_cell,
+    draw_path,
+    draw_target,
+    load_cell,
+    motion_demand,
+)
+from armtempo.planners.charts import (
+    ChartRegion,
+    ClearanceTable,
+    CoordinationChart,
+    clearance_table,
+    tabulated_clearance,
+)
+from armtempo.planners.coordination import (
+    IntervalSearch,
     MakespanBound,
     PairBound,
+    PassingOrders,
+    PassingRegion,
+    Precedence,
     PriorityClass,
+    TimingProblem,
+    VciPlan,
+    VelocityControl,
     makespan_bound,
     pair_bound,
+    plan_vci,
 )
-from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
-from armtempo.planners.coordination._precedence import Precedence, precedence
-from armtempo.planners.coordination._timing_problem import TimingProblem
-from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_vci
-from armtempo.planners.geometry._cartesian_path import Arc, CartesianPath, Line, Segment
-from armtempo.planners.geometry._pose_target import PoseTarget
-from armtempo.planners.geometry._waypoint_file import read_waypoints
-from armtempo.planners.ik._classical import ClosedFormIK, NewtonIK, ResolvedRateIK
-from armtempo.planners.ik._feedback import INTEGRATORS, FeedbackIK, IKBounds, IKGains, IKRun, Integrator
-from armtempo.planners.ik._kernels_all import Law as IKLaw
-from armtempo.planners.ik._kernels_all import Targets as IKTargets
-from armtempo.planners.ik._kernels_all import law_within
-from armtempo.planners.ik._kernels_all import scratch as law_scratch
-from armtempo.planners.ik._spherical_wrist import SphericalWristIK
-from armtempo.planners.instances._bench import BenchResult, Claim, bench_cell, bench_claims
-from armtempo.planners.instances._benchmark_set import (
+from armtempo.planners.geometry import Arc, CartesianPath, Line, PoseTarget, Segment, read_waypoints
+from armtempo.planners.ik import (
+    INTEGRATORS,
+    ClosedFormIK,
+    FeedbackIK,
+    IKBounds,
+    IKGains,
+    IKRun,
+    Integrator,
+    NewtonIK,
+    ResolvedRateIK,
+    SphericalWristIK,
+)
+from armtempo.planners.ik.kernels import Law as IKLaw
+from armtempo.planners.ik.kernels import Targets as IKTargets
+from armtempo.planners.ik.kernels import law_within
+from armtempo.planners.ik.kernels import scratch as law_scratch
+from armtempo.planners.instances import (
+    FAMILIES,
+    PLANNED,
     SPLITS,
     BenchmarkInstance,
-    benchmark_instances,
-    draw_benchmark,
-)
-from armtempo.planners.instances._generator import (
-    FAMILIES,
+    BenchResult,
     CellLabels,
+    Claim,
     GeneratedCell,
+    Instance,
+    bench_cell,
+    bench_claims,
+    benchmark_instances,
     cell_name,
+    draw_benchmark,
     generate_cell,
     label_cell,
+    load_instance,
+    save_instance,
 )
-from armtempo.planners.instances._instance_file import PLANNED, Instance, load_instance, save_instance
-from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
-from armtempo.planners.joint_paths._joint_path import JointPath, PathTable, path_point
-from armtempo.planners.joint_paths._pose_path import PosePath, Poses, TipPosePath
-from armtempo.planners.joint_paths._scara_path import ScaraPath
-from armtempo.planners.joint_paths._two_link_path import TwoLinkPath
-from armtempo.planners.joint_paths._waypoint_path import WaypointPath
-from armtempo.planners.line_speed._feed_override import FeedOverride
-from armtempo.planners.line_speed._limit_aware import limit_aware_profile
-from armtempo.planners.line_speed._profile import LineSpeedCertificate, LineSpeedLimits, LineSpeedProfile
-from armtempo.planners.schedules._audit import ENGINES, Audit, audit_clearance, default_engine
-from armtempo.planners.schedules._clairvoyant import clairvoyant
-from armtempo.planners.schedules._execution import Execution, ScheduleExecution
-from armtempo.planners.schedules._schedule import METHODS, Schedule, ScheduleCertificate, schedule
-from armtempo.planners.schedules._vci_execution import VciExecution, execution_of
+from armtempo.planners.joint_paths import (
+    AbstractJointPath,
+    CartesianJointPath,
+    JointPath,
+    PathTable,
+    PosePath,
+    Poses,
+    ScaraPath,
+    TipPosePath,
+    TwoLinkPath,
+    WaypointPath,
+    path_point,
+)
+from armtempo.planners.line_speed import (
+    FeedOverride,
+    LineSpeedCertificate,
+    LineSpeedLimits,
+    LineSpeedProfile,
+    limit_aware_profile,
+)
+from armtempo.planners.schedules import (
+    ENGINES,
+    METHODS,
+    Audit,
+    Execution,
+    Schedule,
+    ScheduleCertificate,
+    ScheduleExecution,
+    VciExecution,
+    audit_clearance,
+    clairvoyant,
+    default_engine,
+    execution_of,
+    schedule,
+)
+from armtempo.planners.topp import (
+    Island,
+    JointTrajectory,
+    Mode,
+    MotionCertificate,
+    PathDynamics,
+    PhaseDiagnostics,
+    PhasePlane,
+    PhaseTrajectory,
+    diagnose,
+    minimum_time,
+    read_trajectory,
+    refined_plane,
+    write_trajectory,
+)
 from armtempo.planners.topp import _kernels_all as phase_kernels
-from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
-from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import Mode, PhasePlane, minimum_time, refined_plane
-from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
-from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 
 __all__ = [
     "CURVES",
@@ -101,7 +168,7 @@ __all__ = [
     "BlendedPath",
     "CartesianJointPath",
     "CartesianPath",
-    "Cell",
+    "CoordinationCell",
     "CellLabels",
     "ChartRegion",
     "Claim",
@@ -123,6 +190,7 @@ __all__ = [
     "Integrator",
     "IntervalSearch",
     "Island",
+    "AbstractJointPath",
     "JointPath",
     "JointTrajectory",
     "LengthMapping",
@@ -174,6 +242,10 @@ __all__ = [
     "blend",
     "blended_point",
     "build_cell",
+    "CELLS",
+    "Cell",
+    "CellBase",
+    "as_cell",
     "cell_name",
     "clairvoyant",
     "clearance_table",
@@ -198,7 +270,6 @@ __all__ = [
     "path_point",
     "phase_kernels",
     "plan_vci",
-    "precedence",
     "read_trajectory",
     "read_waypoints",
     "refined_plane",

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from armtempo.arrays import Floats
 from armtempo.configs import CellConfig, data_path
-from armtempo.planners import BlendCell, Cell, IKCell, JointPath, build_cell, load_cell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, JointPath, build_cell, load_cell
 from armtempo.robots import Arm
 
 os.environ["ARMTEMPO_CACHE"] = "off"  # tests find out for themselves
@@ -86,7 +86,7 @@ def joint_spline() -> Callable[[Floats], JointPath]:
 
 
 @pytest.fixture(scope="session")
-def lee1991() -> Cell:
+def lee1991() -> CoordinationCell:
     """The bundled cell of the 1991 paper; immutable, so built once."""
     return load_cell("lee1991")
 
@@ -125,14 +125,14 @@ def panda_pair() -> Callable[[int], Pair]:
 
 
 @pytest.fixture(scope="session")
-def three_arms() -> Cell:
+def three_arms() -> CoordinationCell:
     """Three planar arms; every two of them meet."""
     lines = [((0.35, -0.15), (0.54, 0.07)), ((0.49, -0.23), (0.52, 0.13)), ((0.45, -0.24), (0.31, 0.2))]
     return build_cell(ring_of_arms(0.5, lines, "-+-"))
 
 
 @pytest.fixture(scope="session")
-def four_arms() -> Cell:
+def four_arms() -> CoordinationCell:
     """Four planar arms; each meets its neighbours."""
     lines = [
         ((0.47, -0.23), (0.53, 0.2)),
@@ -144,7 +144,7 @@ def four_arms() -> Cell:
 
 
 @pytest.fixture(scope="session")
-def trio(lee1991: Cell) -> Cell:
+def trio(lee1991: CoordinationCell) -> CoordinationCell:
     """The cell of the paper and a third arm, which can wait at its start for both; nobody parks in another's way."""
     config = lee1991.config
     third = config.arms[0].model_dump(exclude_none=True) | {

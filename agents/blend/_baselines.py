@@ -16,7 +16,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies._policy import RandomActions, SingleArmPolicy, to_action
+from armtempo.agents.policies import RandomActions, SingleArmPolicy, to_action
 from armtempo.arrays import Floats32
 from armtempo.envs import BlendTrackingEnv, MappingName
 from armtempo.errors import UnknownNameError

@@ -17,9 +17,14 @@ from armtempo.agents.blend._baselines import (
     blend_baseline,
     planning_time,
 )
-from armtempo.agents.policies._agent_file import find_agent, is_agent_name
-from armtempo.agents.policies._learned import LearnedOneArmPolicy, check_fits
-from armtempo.agents.policies._policy import chosen_policies, run_to_end
+from armtempo.agents.policies import (
+    LearnedOneArmPolicy,
+    check_fits,
+    chosen_policies,
+    find_agent,
+    is_agent_name,
+    run_to_end,
+)
 from armtempo.arrays import Bools, Floats
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
 from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand

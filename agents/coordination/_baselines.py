@@ -21,17 +21,17 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies._policy import Actions, Observations, Policy, to_action
+from armtempo.agents.policies import Actions, Observations, Policy, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, Cell, Execution, Mode, Schedule, execution_of, schedule
+from armtempo.planners import METHODS, CoordinationCell, Execution, Mode, Schedule, execution_of, schedule
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}
 
 
-def _position(cell: Cell, arm: int, progress: float, speed: float) -> tuple[float, float]:
+def _position(cell: CoordinationCell, arm: int, progress: float, speed: float) -> tuple[float, float]:
     """``lam`` and ``mu`` of an arm from its entries of an observation."""
     plane = cell.planes[arm]
     lam = share(progress) * plane.length
@@ -110,7 +110,7 @@ class ExecutionPolicy:
 POLICIES = ("phase-plane", *METHODS, "random")
 
 
-def make_policy(name: str, cell: Cell, plan: Schedule | None = None) -> Policy:
+def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy:
     """A baseline by name.
 
     Args:

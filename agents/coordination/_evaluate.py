@@ -10,19 +10,17 @@ from typing import Any, overload
 
 import numpy as np
 
-from armtempo.agents.blend._evaluate import BlendEvaluation, evaluate_blend
+from armtempo.agents.blend import BlendEvaluation, evaluate_blend
 from armtempo.agents.coordination._baselines import POLICIES, make_policy
-from armtempo.agents.evaluation._bootstrap import Interval, mean_interval, ratio_interval
-from armtempo.agents.ik._evaluate import IKEvaluation, evaluate_ik
-from armtempo.agents.policies._agent_file import is_agent_name
-from armtempo.agents.policies._learned import learned_policy
-from armtempo.agents.policies._policy import Policy, chosen_policies
+from armtempo.agents.evaluation import Interval, mean_interval, ratio_interval
+from armtempo.agents.ik import IKEvaluation, evaluate_ik
+from armtempo.agents.policies import Policy, chosen_policies, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics, disturbed_motion
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import (
     METHODS,
     BlendCell,
-    Cell,
+    CoordinationCell,
     FamilyName,
     IKCell,
     Mode,
@@ -103,7 +101,7 @@ class Evaluation:
             beforehand and lets the first arm pass undelayed [s]. Where the first arm yields, less may be possible.
     """
 
-    cell: Cell
+    cell: CoordinationCell
     physics: Physics
     mode: Mode
     episodes: int
@@ -209,7 +207,7 @@ def _run_episode(
 
 @overload
 def evaluate(
-    cell: Cell,
+    cell: CoordinationCell,
     policies: Sequence[str] | None = None,
     *,
     episodes: int = 1,
@@ -248,7 +246,7 @@ def evaluate(
     on_episode: Callable[[str, int], None] | None = None,
 ) -> IKEvaluation: ...
 def evaluate(
-    cell: Cell | BlendCell | IKCell,
+    cell: CoordinationCell | BlendCell | IKCell,
     policies: Sequence[str] | None = None,
     *,
     episodes: int = 1,
@@ -299,7 +297,7 @@ def evaluate(
         )
         if value
     }
-    if not isinstance(cell, Cell):
+    if not isinstance(cell, CoordinationCell):
         if mode != "speed" or master_late_s or asked:
             names = ", ".join(("mode", "master_late_s", *asked))
             raise InputError(f"{names} are for cells of several arms", remedy="leave them out")

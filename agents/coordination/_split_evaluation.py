@@ -13,13 +13,11 @@ import numpy as np
 
 from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
 from armtempo.agents.coordination._evaluate import ONLINE, clairvoyant_makespans, run_episode
-from armtempo.agents.evaluation._bootstrap import Interval, ratio_interval
-from armtempo.agents.policies._agent_file import is_agent_name
-from armtempo.agents.policies._learned import learned_policy
-from armtempo.agents.policies._policy import Policy
+from armtempo.agents.evaluation import Interval, ratio_interval
+from armtempo.agents.policies import Policy, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import Cell, Schedule, execution_of, schedule
+from armtempo.planners import CoordinationCell, Schedule, execution_of, schedule
 
 FULL_SPEED, OPTIMAL = "full-speed", "optimal"
 SPLIT_POLICIES = (*ONLINE, OPTIMAL, FULL_SPEED)
@@ -117,7 +115,7 @@ class SplitComparison:
 
 
 def compare_on(
-    cells: Iterable[Cell],
+    cells: Iterable[CoordinationCell],
     policies: Sequence[str],
     *,
     episodes: int = 1,
@@ -193,7 +191,7 @@ def _policy(name: str, env: CoordinationEnv) -> Policy | None:
     return None if plan is None else ExecutionPolicy(partial(execution_of, plan))
 
 
-def _best_plan(cell: Cell, method: str) -> Schedule | None:
+def _best_plan(cell: CoordinationCell, method: str) -> Schedule | None:
     """The shortest plan of a method over the orders of two arms; of more, or of ``optimal``, in their own order."""
     arms = range(len(cell.arms))
     orders = list(permutations(arms)) if len(arms) == 2 and method != OPTIMAL else [tuple(arms)]

@@ -23,7 +23,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies._policy import RandomActions, SingleArmPolicy
+from armtempo.agents.policies import RandomActions, SingleArmPolicy
 from armtempo.arrays import Floats, Floats32
 from armtempo.envs import ActionMode, FeedbackIKEnv
 from armtempo.errors import UnknownNameError

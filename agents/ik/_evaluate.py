@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 
 from armtempo.agents.ik._baselines import IK_POLICIES, IKPolicy, action_mode_of, ik_policy
-from armtempo.agents.policies._agent_file import find_agent, is_agent_name
-from armtempo.agents.policies._learned import LearnedOneArmPolicy, check_fits
-from armtempo.agents.policies._policy import chosen_policies, run_to_end
+from armtempo.agents.policies import (
+    LearnedOneArmPolicy,
+    check_fits,
+    chosen_policies,
+    find_agent,
+    is_agent_name,
+    run_to_end,
+)
 from armtempo.arrays import Floats
 from armtempo.envs import FeedbackIKEnv, IKTrace, Physics
 from armtempo.planners import IKCell, TargetFamilyName

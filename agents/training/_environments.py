@@ -32,9 +32,9 @@ from armtempo.envs import (
     ik_entries,
 )
 from armtempo.errors import InputError
-from armtempo.planners import BlendCell, Cell, IKCell, benchmark_instances, build_cell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, benchmark_instances, build_cell
 
-AnyCell = Cell | BlendCell | IKCell
+AnyCell = CoordinationCell | BlendCell | IKCell
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +120,7 @@ def _beside(source: Path, name: str) -> str | Path:
     return path if path.suffix in (".yaml", ".yml") and path.is_file() else name
 
 
-def _coordination_cells(chosen: CoordinationTraining, source: Path) -> tuple[Cell, ...]:
+def _coordination_cells(chosen: CoordinationTraining, source: Path) -> tuple[CoordinationCell, ...]:
     if chosen.benchmark is not None:
         configs = [instance.config for instance in _instances(chosen.benchmark)]
     else:
@@ -161,14 +161,12 @@ def training_env(place: Workplace) -> Any:
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from armtempo.agents.training.vec_envs._batch import BatchVecEnv
-    from armtempo.agents.training.vec_envs._parallel import ParallelVecEnv
-    from armtempo.agents.training.vec_envs._vector import VectorVecEnv
+    from armtempo.agents.training.vec_envs import BatchVecEnv, ParallelVecEnv, VectorVecEnv
 
     options: dict[str, Any]
     config, chosen, cells = place.config, place.config.environment, place.cells
     if isinstance(chosen, CoordinationTraining) and chosen.physics == "ideal":
-        several = [cell for cell in cells if isinstance(cell, Cell)]
+        several = [cell for cell in cells if isinstance(cell, CoordinationCell)]
         arms = len(several[0].arms)
         learners = (arms - 1,) if chosen.learners == "last" else tuple(range(arms))
         options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}

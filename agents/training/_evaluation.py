@@ -8,15 +8,12 @@ from typing import Any, final
 
 import numpy as np
 
-from armtempo.agents.coordination._baselines import ExecutionPolicy
-from armtempo.agents.coordination._evaluate import run_episode
-from armtempo.agents.policies._agent_file import Agent
-from armtempo.agents.policies._learned import LearnedOneArmPolicy, LearnedPolicy
-from armtempo.agents.policies._policy import Policy, run_to_end
+from armtempo.agents.coordination import ExecutionPolicy, run_episode
+from armtempo.agents.policies import Agent, LearnedOneArmPolicy, LearnedPolicy, Policy, run_to_end
 from armtempo.agents.training._environments import Workplace
 from armtempo.envs import CoordinationEnv
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, execution_of, schedule
+from armtempo.planners import CoordinationCell, execution_of, schedule
 
 FEW = 2  # arms for which the optimum is found quickly
 
@@ -66,7 +63,7 @@ class TrainEvaluation:
             self._optimum = [self._optimal(env) for env in self._undisturbed]
         gaps, above = [], []
         for env, cell, optimum in zip(self._undisturbed, self._cells, self._optimum, strict=True):
-            assert isinstance(cell, Cell)
+            assert isinstance(cell, CoordinationCell)
             makespan = _makespan(env, policy, seed)[0]
             gaps.append(None if makespan is None else 100.0 * (makespan / cell.lower_bound - 1.0))
             above.append(None if makespan is None or optimum is None else 100.0 * (makespan / optimum - 1.0))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armtempo.agents.policies._agent_file import Agent, AgentHeader
+from armtempo.agents.policies import Agent, AgentHeader
 
 
 def agent_of(model: Any, header: AgentHeader) -> Agent:

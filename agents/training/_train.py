@@ -16,13 +16,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from armtempo import __version__
-from armtempo.agents.policies._agent_file import Agent, AgentHeader, save_agent
+from armtempo.agents.policies import Agent, AgentHeader, save_agent
 from armtempo.agents.training._checkpoint import read_checkpoint, restore, save_checkpoint
 from armtempo.agents.training._environments import Workplace, training_env, workplace
 from armtempo.agents.training._evaluation import COLUMNS, TrainEvaluation
 from armtempo.agents.training._export import agent_of
 from armtempo.agents.training._model import training_model
-from armtempo.agents.training.vec_envs._batch import BatchVecEnv
+from armtempo.agents.training.vec_envs import BatchVecEnv
 from armtempo.configs import CoordinationTraining, TrainConfig, bundled_trainings, load_train_config
 from armtempo.errors import InputError
 from armtempo.files import whole_file

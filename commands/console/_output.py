@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-    from armtempo.planners import BlendCell, Cell, IKCell, Schedule
+    from armtempo.planners import BlendCell, CoordinationCell, IKCell, Schedule
 
 LOADING = "Loading {} (compiles once after installation, about a minute)"
 ONE_ARM_KINDS = {  # and the commands that take them
@@ -154,7 +154,7 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
     return f"{round(value * scale, digits) + 0.0:.{digits}f}"  # adding 0.0 takes the sign off a zero
 
 
-def open_cell(name: str, output: Output) -> Cell:
+def open_cell(name: str, output: Output) -> CoordinationCell:
     """Load and certify a cell of several arms, with a spinner.
 
     Raises:
@@ -162,10 +162,10 @@ def open_cell(name: str, output: Output) -> Cell:
     """
     with output.progress(LOADING.format(name)):
         from armtempo.errors import ConfigError
-        from armtempo.planners import Cell, load_cell
+        from armtempo.planners import CoordinationCell, load_cell
 
         try:
-            return load_cell(name, Cell)
+            return load_cell(name, CoordinationCell)
         except ConfigError as error:
             if error.data["key"] != "kind" or error.data["value"] not in ONE_ARM_KINDS:
                 raise
@@ -174,16 +174,16 @@ def open_cell(name: str, output: Output) -> Cell:
             raise ConfigError(error.message, remedy=remedy, **error.data) from None
 
 
-def open_any_cell(name: str, output: Output) -> Cell | BlendCell | IKCell:
+def open_any_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
     with output.progress(LOADING.format(name)):
         from armtempo.planners import load_cell
 
-        return load_cell(name)
+        return load_cell(name, None)
 
 
 def plan_all(
-    cell: Cell, methods: Sequence[str], output: Output, *, period: float | None = None
+    cell: CoordinationCell, methods: Sequence[str], output: Output, *, period: float | None = None
 ) -> tuple[dict[str, Schedule], dict[str, str], dict[str, float]]:
     """Plan by every method, with a progress bar.
 
@@ -217,6 +217,6 @@ def plan_all(
     return schedules, refusals, seconds
 
 
-def default_folder(cell: Cell | BlendCell | IKCell, out: Path | None) -> Path:
+def default_folder(cell: CoordinationCell | BlendCell | IKCell, out: Path | None) -> Path:
     """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
     return Path("results") / cell.name if out is None else out

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from armtempo.arrays import Floats
 from armtempo.commands.figures._style import HALO, INK, MUTED, arm_color, new_figure, note, styled
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, PhasePlane, Schedule, schedule
+from armtempo.planners import CoordinationCell, PhasePlane, Schedule, schedule
 
 Case = Literal[3, 4]
 
@@ -63,7 +63,7 @@ def _run(plane: PhasePlane, commands: list[float], dt: float, start: Floats) -> 
     return np.array(states)
 
 
-def find_correction(cell: Cell, case: Case, periods: tuple[float, ...] = PERIODS) -> Correction | None:
+def find_correction(cell: CoordinationCell, case: Case, periods: tuple[float, ...] = PERIODS) -> Correction | None:
     """A correction of the slave that shows one of the paper's cases: at best the first of its plan, two steps long.
 
     Args:
@@ -92,7 +92,7 @@ def find_correction(cell: Cell, case: Case, periods: tuple[float, ...] = PERIODS
     return spare
 
 
-def _rebuild(cell: Cell, plan: Schedule, number: int, period: float) -> Correction:
+def _rebuild(cell: CoordinationCell, plan: Schedule, number: int, period: float) -> Correction:
     assert plan.vci is not None
     master, slave = plan.order
     plane = cell.planes[slave]
@@ -140,7 +140,7 @@ def _trace(plane: PhasePlane, states: Floats) -> Floats:
 
 
 @styled
-def velocity_control(cell: Cell, correction: Correction, title: str = "") -> Figure:
+def velocity_control(cell: CoordinationCell, correction: Correction, title: str = "") -> Figure:
     """One velocity control interval in the slave's phase plane (Lee1991 Fig. 3 or 4, curves (a) to (d))."""
     plane = cell.planes[1]
     figure = new_figure(7.6, 4.7)

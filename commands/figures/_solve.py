@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from armtempo.arrays import Floats, Ints
 from armtempo.commands.figures._style import FORBIDDEN, FORBIDDEN_EDGE, INK, MUTED, new_figure, note, styled
-from armtempo.planners import Cell, diagnose
+from armtempo.planners import CoordinationCell, diagnose
 
 CONTROLLABLE = "#DCE9DF"
 LIMIT_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A4B9E")
@@ -17,7 +17,7 @@ HEADROOM = 1.35  # above the fastest speed of the motion
 
 
 @styled
-def solve(cell: Cell, i: int) -> Figure:
+def solve(cell: CoordinationCell, i: int) -> Figure:
     """Controllable set, limit curve, islands and the minimum-time motion of arm ``i``, coloured by its active limit."""
     plane, motion = cell.planes[i], cell.fastest[i]
     found = diagnose(plane, motion)

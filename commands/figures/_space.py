@@ -26,7 +26,7 @@ from armtempo.commands.figures._style import (
     policy_line,
     styled,
 )
-from armtempo.planners import Cell, CoordinationChart, Schedule
+from armtempo.planners import CoordinationCell, CoordinationChart, Schedule
 
 Pair = tuple[int, int]
 
@@ -35,7 +35,7 @@ CHART_COLORS = ListedColormap(["#FFFFFF", FORBIDDEN_EDGE, FORBIDDEN])  # free, u
 TICK = 0.05  # [s] between the dots on a relative trajectory
 
 
-def _tip(cell: Cell, i: int, lam: Floats) -> Floats:
+def _tip(cell: CoordinationCell, i: int, lam: Floats) -> Floats:
     """(..., 2) places of arm i's tip on its path, seen from above [m]."""
     return cell.arms[i].tip_pose(cell.paths[i].evaluate(lam)[0])[..., :2, 3]
 
@@ -45,14 +45,16 @@ def _xy(point: Floats) -> tuple[float, float]:
     return float(point[0]), float(point[1])
 
 
-def _skeleton(cell: Cell, i: int, lam: float) -> Floats:
+def _skeleton(cell: CoordinationCell, i: int, lam: float) -> Floats:
     """(n + 2, 2): base, joints and tip of arm i, seen from above [m]."""
     arm = cell.arms[i]
     q = cell.paths[i].evaluate(lam)[0]
     return np.vstack([arm.T_world_base[:2, 3], arm.link_poses(q)[:, :2, 3], arm.tip_pose(q)[:2, 3]])
 
 
-def _draw_arm(axes: Axes, cell: Cell, i: int, lam: float, *, alpha: float = 1.0, color: str | None = None) -> None:
+def _draw_arm(
+    axes: Axes, cell: CoordinationCell, i: int, lam: float, *, alpha: float = 1.0, color: str | None = None
+) -> None:
     points = _skeleton(cell, i, lam)
     color = color or arm_color(i)
     axes.plot(*points.T, color=color, linewidth=4.5, alpha=alpha, solid_joinstyle="round", zorder=4.0)
@@ -61,7 +63,7 @@ def _draw_arm(axes: Axes, cell: Cell, i: int, lam: float, *, alpha: float = 1.0,
     axes.plot(*points[-1], "o", color=color, markersize=5.0, alpha=alpha, zorder=6.0)
 
 
-def _draw_paths(axes: Axes, cell: Cell, *, arrows: bool = True) -> None:
+def _draw_paths(axes: Axes, cell: CoordinationCell, *, arrows: bool = True) -> None:
     for i, path in enumerate(cell.paths):
         tip = _tip(cell, i, np.linspace(0.0, path.length, 200))
         axes.plot(*tip.T, color=arm_color(i), linewidth=1.6, linestyle=(0, (1, 1.2)), zorder=3.5)
@@ -79,7 +81,7 @@ def _space_axes(figure: Figure, title: str) -> Axes:
 
 
 @styled
-def workspace(cell: Cell, title: str = "Arms and their paths") -> Figure:
+def workspace(cell: CoordinationCell, title: str = "Arms and their paths") -> Figure:
     """The arms where they start, faintly where they end, and the paths between (Lee1991 Fig. 5)."""
     figure = new_figure(7.2, 4.3)
     axes = _space_axes(figure, title)
@@ -117,7 +119,7 @@ def widest_collision(chart: CoordinationChart) -> float:
 
 @styled
 def collision_interval(
-    cell: Cell,
+    cell: CoordinationCell,
     lam: float | None = None,
     title: str = "Collision interval in the common workspace",
     pair: Pair = (0, 1),
@@ -201,14 +203,14 @@ def _pixels(chart: CoordinationChart) -> NDArray[np.uint8]:
     return states
 
 
-def meeting(cell: Cell) -> list[Pair]:
+def meeting(cell: CoordinationCell) -> list[Pair]:
     """The pairs of arms that can collide, the largest share of their chart first; at least one pair."""
     pairs = list(combinations(range(len(cell.arms)), 2))
     share = {pair: 1.0 - cell.chart_between(*pair).share(0) for pair in pairs}
     return sorted((pair for pair in pairs if share[pair] > 0.0), key=lambda pair: -share[pair]) or pairs[:1]
 
 
-def draw_chart(axes: Axes, cell: Cell, *, label: bool = True, pair: Pair = (0, 1)) -> None:
+def draw_chart(axes: Axes, cell: CoordinationCell, *, label: bool = True, pair: Pair = (0, 1)) -> None:
     """The coordination chart of two arms of a cell as the background of ``axes``."""
     chart = cell.chart_between(*pair)
     pixels = _pixels(chart)
@@ -237,7 +239,7 @@ def draw_chart(axes: Axes, cell: Cell, *, label: bool = True, pair: Pair = (0, 1
 
 @styled
 def coordination_chart(
-    cell: Cell, lam: float | None = None, title: str = "Coordination chart", pair: Pair = (0, 1)
+    cell: CoordinationCell, lam: float | None = None, title: str = "Coordination chart", pair: Pair = (0, 1)
 ) -> Figure:
     """Where two arms collide; P1 and P2 of the slave with the master at Q (Lee1991 Fig. 2)."""
     chart, (master, slave) = cell.chart_between(*pair), pair
@@ -296,7 +298,11 @@ def relative_motion(schedule: Schedule, samples: int = 800) -> tuple[Floats, Flo
 
 
 def draw_relative(
-    axes: Axes, cell: Cell, motions: Mapping[str, tuple[Floats, Floats]], emphasised: str, pair: Pair = (0, 1)
+    axes: Axes,
+    cell: CoordinationCell,
+    motions: Mapping[str, tuple[Floats, Floats]],
+    emphasised: str,
+    pair: Pair = (0, 1),
 ) -> list[Line2D]:
     """Relative motions (instants, positions) by name over the chart; dots every 50 ms on the emphasised one."""
     handles = []
@@ -315,7 +321,7 @@ def draw_relative(
 
 @styled
 def relative_trajectories(
-    cell: Cell,
+    cell: CoordinationCell,
     schedules: Mapping[str, Schedule],
     emphasised: str = "vci",
     title: str = "Relative motion in the coordination chart",

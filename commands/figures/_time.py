@@ -24,7 +24,7 @@ from armtempo.commands.figures._style import (
     policy_line,
     styled,
 )
-from armtempo.planners import Cell, PhaseTrajectory, Schedule
+from armtempo.planners import CoordinationCell, PhaseTrajectory, Schedule
 
 if TYPE_CHECKING:
     from armtempo.agents import Evaluation, PolicyResult
@@ -48,7 +48,7 @@ def _planned_torque(trajectory: PhaseTrajectory) -> tuple[Floats, Floats]:
 
 @styled
 def torques(
-    plan: Schedule | None, trace: EpisodeTrace | None = None, cell: Cell | None = None, title: str = ""
+    plan: Schedule | None, trace: EpisodeTrace | None = None, cell: CoordinationCell | None = None, title: str = ""
 ) -> Figure:
     """Torque of every joint over time with its limits: planned, and simulated where there is a trace.
 
@@ -118,7 +118,7 @@ def planned_clearance(plan: Schedule) -> tuple[Floats, Floats]:
 
 
 def _draw_clearance(
-    axes: Axes, cell: Cell, curves: Mapping[str, tuple[Floats, Floats]], emphasised: str
+    axes: Axes, cell: CoordinationCell, curves: Mapping[str, tuple[Floats, Floats]], emphasised: str
 ) -> list[Line2D]:
     lines = []
     for name, (instants, clearance) in curves.items():
@@ -147,7 +147,7 @@ def _draw_clearance(
 
 @styled
 def clearances(
-    cell: Cell,
+    cell: CoordinationCell,
     plans: Mapping[str, Schedule],
     traces: Mapping[str, EpisodeTrace] | None = None,
     emphasised: str = "vci",
@@ -179,7 +179,7 @@ def _in_mm(curve: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
 
 @styled
 def time_lines(
-    cell: Cell,
+    cell: CoordinationCell,
     speeds: Mapping[str, tuple[Floats, Floats, Floats]],
     bound: float,
     title: str = "Time lines: who moves when, and how fast",
@@ -328,7 +328,7 @@ def _draw_bars(axes: Axes, results: Mapping[str, PolicyResult], bound: float, se
     )
 
 
-def _draw_torque_shares(axes: Axes, cell: Cell, trace: EpisodeTrace, name: str) -> None:
+def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: EpisodeTrace, name: str) -> None:
     """Torque of every joint as a share of its limit, in simulation."""
     for i, arm in enumerate(cell.arms):
         for j in range(arm.dof):

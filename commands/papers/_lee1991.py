@@ -11,15 +11,15 @@ from armtempo.commands.papers._reproduction import Quantity, Reproduction
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from armtempo.commands.console._output import Output
-    from armtempo.planners import Cell, Schedule
+    from armtempo.commands.console import Output
+    from armtempo.planners import CoordinationCell, Schedule
 
 PERIODS_MS = (0.5, 1.0, 2.0, 4.0, 5.0)  # steps dT of velocity control
 
 
 def reproduce_lee1991(output: Output) -> Reproduction:
     """Plan the paper's cell by every method and every step of velocity control, and compare."""
-    from armtempo.commands.console._output import open_cell
+    from armtempo.commands.console import open_cell
     from armtempo.planners import METHODS, schedule
 
     cell = open_cell("lee1991", output)
@@ -39,7 +39,7 @@ def reproduce_lee1991(output: Output) -> Reproduction:
     return Reproduction("Lee, Chong, Suh, Choi, Lyou (1991)", quantities, figures)
 
 
-def _path_values(cell: Cell) -> list[Quantity]:
+def _path_values(cell: CoordinationCell) -> list[Quantity]:
     """Table 1, read off the joint paths through the arms' own kinematics."""
     printed = {
         "master": {"start": (0.40, 0.35), "end": (0.40, 0.05), "centre": (0.25, 0.20)},
@@ -73,7 +73,7 @@ def _path_values(cell: Cell) -> list[Quantity]:
     return values
 
 
-def _arm_values(cell: Cell) -> list[Quantity]:
+def _arm_values(cell: CoordinationCell) -> list[Quantity]:
     """The appendix, computed from the URDF's masses and lengths."""
     section = "Appendix: arm"
     arm = cell.arms[0]
@@ -109,7 +109,9 @@ def _arm_values(cell: Cell) -> list[Quantity]:
     ]
 
 
-def lee1991_quantities(cell: Cell, plans: dict[str, Schedule], by_period: dict[float, Schedule]) -> list[Quantity]:
+def lee1991_quantities(
+    cell: CoordinationCell, plans: dict[str, Schedule], by_period: dict[float, Schedule]
+) -> list[Quantity]:
     """Every number of the paper, and what it leaves out, beside ours.
 
     Args:
@@ -191,7 +193,7 @@ def lee1991_quantities(cell: Cell, plans: dict[str, Schedule], by_period: dict[f
     return values
 
 
-def lee1991_figures(cell: Cell, plans: dict[str, Schedule]) -> dict[str, Figure]:
+def lee1991_figures(cell: CoordinationCell, plans: dict[str, Schedule]) -> dict[str, Figure]:
     """Figs. 1 to 8 of the paper from our data, then torque and clearance over time, by file name."""
     from armtempo.commands.figures import _phase as _phase_figures
     from armtempo.commands.figures import _space as _space_figures

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from armtempo.commands.console._output import Output, new_table, number
+from armtempo.commands.console import Output, new_table, number
 from armtempo.commands.reports._one_arm import Report, circumstances
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from armtempo.commands.console._output import Output, default_folder
+from armtempo.commands.console import Output, default_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

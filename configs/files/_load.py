@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.configs.schema._all import AnyCellConfig, BlendCellConfig, CellConfig, IKCellConfig, RobotConfig
+from armtempo.configs.schema import AnyCellConfig, BlendCellConfig, CellConfig, IKCellConfig, RobotConfig
 from armtempo.errors import ConfigError, InputError, UnknownNameError
 
 _DATA = Path(__file__).parents[1]

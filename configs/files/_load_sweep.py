@@ -11,8 +11,7 @@ from pydantic import ValidationError
 
 from armtempo.configs.files._load import _DATA, _closest, _config_error, _parse_yaml, _shown
 from armtempo.configs.files._load_train import bundled_trainings, load_train_config, parse_train_config
-from armtempo.configs.training._all import TrainConfig
-from armtempo.configs.training._sweep import SweepConfig, SweepValue
+from armtempo.configs.training import SweepConfig, SweepValue, TrainConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from armtempo.configs.files._load import _DATA, _closest, _config_error, _parse_yaml, _shown
-from armtempo.configs.training._all import TrainConfig
+from armtempo.configs.training import TrainConfig
 from armtempo.errors import ConfigError, UnknownNameError
 
 

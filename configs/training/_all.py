@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PrivateAttr, StrictBool, StringConstraints, model_validator
 
-from armtempo.configs.schema._all import CellTitle, NonNegative, Positive, Real, _Model
+from armtempo.configs.schema import CellTitle, NonNegative, Positive, Real, _Model
 
 Share = Annotated[Real, Field(ge=0, le=1)]
 Signed = Annotated[Real, Field(ge=-1, le=1)]

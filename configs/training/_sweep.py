@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
-from armtempo.configs.schema._all import CellTitle, Real, _Model
+from armtempo.configs.schema import CellTitle, Real, _Model
 
 SweepValue = float | int
 NumberKey = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*$")]

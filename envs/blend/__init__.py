@@ -1,1 +1,16 @@
 """One arm on a blended path; the agent overrides the feed rate."""
+
+from __future__ import annotations
+
+from armtempo.envs.blend._env import BlendTrackingEnv
+from armtempo.envs.blend._observation import BLEND_ENTRIES
+from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+
+__all__ = [
+    "BLEND_ENTRIES",
+    "BlendSimulation",
+    "BlendTrace",
+    "BlendTrackingEnv",
+    "MAPPINGS",
+    "MappingName",
+]

@@ -10,23 +10,27 @@ from gymnasium.spaces import Box
 from armtempo.arrays import Floats32
 from armtempo.envs.blend._observation import BLEND_ENTRIES, observe_blend
 from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
-from armtempo.envs.bodies._renderer import render_modes
-from armtempo.envs.common._entries import action_space, observation_space
-from armtempo.envs.common._rewards import deviation_reward, leaving_reward, progress_reward, time_reward
-from armtempo.envs.common._single_agent import SingleArmEnv, check_names
-from armtempo.envs.coordination._episode import TIME_LIMIT, read_action
-from armtempo.envs.coordination.world._simulation import Physics
-from armtempo.errors import InputError
+from armtempo.envs.bodies import Physics, render_modes
+from armtempo.envs.common import (
+    TIME_LIMIT,
+    SingleArmEnv,
+    action_space,
+    check_names,
+    deviation_reward,
+    leaving_reward,
+    observation_space,
+    progress_reward,
+    read_action,
+    time_reward,
+)
 from armtempo.planners import (
     PATH_FAMILIES,
     PROFILES,
     BlendCell,
-    Cell,
     FamilyName,
-    IKCell,
     ProfileName,
+    as_cell,
     draw_path,
-    load_cell,
 )
 
 RESET_OPTIONS = ("family", "curve", "shape_factor", "remaining_distance_m")
@@ -96,14 +100,7 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
         check_names(
             ("profile", profile, PROFILES), ("mapping", mapping, MAPPINGS), ("family of paths", family, PATH_FAMILIES)
         )
-        given: object = cell
-        if isinstance(given, Cell | IKCell):
-            raise InputError(
-                f"{given.name!r} is {'a coordination' if isinstance(given, Cell) else 'an ik'} cell, and a blend cell "
-                "is needed here",
-                remedy="give a blend cell such as lee2006, or use CoordinationEnv or FeedbackIKEnv",
-            )
-        self.cell = cell if isinstance(cell, BlendCell) else load_cell(cell, BlendCell)
+        self.cell = as_cell(cell, BlendCell)
         self.profile: ProfileName = profile
         self.mapping: MappingName = mapping
         self.family: FamilyName = family

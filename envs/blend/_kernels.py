@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.envs.coordination.world._kernels import joint_torques, tip_of
+from armtempo.envs.bodies import joint_torques, tip_of
 from armtempo.planners import PackedPath, blended_point
 from armtempo.robots import ArmModel, njit
 
@@ -86,30 +86,3 @@ def follow_ideal(
         if error > allowed:
             return k + 1
     return int(ticks)
-
-
-@njit
-def stay_on_reference(
-    model: ArmModel,
-    joints: Floats,
-    reference: Floats,
-    coulomb: Floats,
-    torque_max: Floats,
-    gain: float,
-    tick: float,
-    rows: Floats,
-) -> None:
-    """Ticks of an arm that is always on its reference ``joints`` (K, n): ``rows`` (K, 3, n) q, torques, demand.
-
-    ``reference`` (3, n): before, now, next; shifted here.
-    """
-    qd = np.empty(joints.shape[1])
-    for k in range(joints.shape[0]):
-        for j in range(joints.shape[1]):
-            qd[j] = (reference[2, j] - reference[1, j]) / tick
-            reference[0, j], reference[1, j], reference[2, j] = reference[1, j], reference[2, j], joints[k, j]
-        joint_torques(
-            model, reference[0], reference[1], reference[2], reference[1], qd, coulomb, torque_max, gain, tick,
-            rows[k, 2], rows[k, 1],
-        )  # fmt: skip
-        rows[k, 0] = joints[k]

@@ -6,7 +6,7 @@ import numpy as np
 
 from armtempo.arrays import Floats32
 from armtempo.envs.blend._simulation import BlendSimulation
-from armtempo.envs.common._entries import Entry
+from armtempo.envs.common import Entry
 
 AHEAD = (0.0, 0.5, 1.0, 2.0)
 """Where the curvature is looked at: so many braking distances from the line speed ahead of the reference."""

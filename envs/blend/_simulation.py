@@ -13,14 +13,7 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.blend._kernels import follow_ideal, measure_tip
-from armtempo.envs.bodies._controller import TrackedArm
-from armtempo.envs.coordination.world._simulation import (
-    CONTROLLER_GAIN,
-    SETTLED_DISTANCE,
-    SETTLED_SPEED,
-    SETTLED_TIME,
-    Physics,
-)
+from armtempo.envs.bodies import CONTROLLER_GAIN, SETTLED_DISTANCE, SETTLED_SPEED, SETTLED_TIME, Physics, TrackedArm
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector, ProfileName
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import final
+from typing import Literal, final
 
 import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._joint_control import joint_torques
 from armtempo.envs.bodies._scene import Scene
-from armtempo.envs.coordination.world._kernels import joint_torques
-from armtempo.envs.coordination.world._simulation import CONTROLLER_GAIN, PHYSICS, Physics
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import BlendCell, IKCell
 
@@ -121,3 +120,21 @@ class TrackedArm:
         """Leave PyBullet; may be called twice."""
         if self.scene is not None:
             self.scene.close()
+
+
+Physics = Literal["bullet", "ideal"]
+
+
+PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
+
+
+CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
+
+
+SETTLED_DISTANCE = 1e-3  # [m] of the tip from its goal, and
+
+
+SETTLED_SPEED = 1e-2  # [m/s] of the tip,
+
+
+SETTLED_TIME = 0.020  # [s] for which both must hold

@@ -19,7 +19,7 @@ from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
-from armtempo.planners import BlendCell, Cell, IKCell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell
 from armtempo.robots import Arm, Shape
 
 WIDTH, HEIGHT = 640, 480
@@ -74,7 +74,7 @@ class Renderer:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: Cell | BlendCell | IKCell, mode: str) -> None:
+    def __init__(self, cell: CoordinationCell | BlendCell | IKCell, mode: str) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",
@@ -91,7 +91,7 @@ class Renderer:
             self._stand(obstacle)
         self.show(cell)
 
-    def show(self, cell: Cell | BlendCell | IKCell) -> None:
+    def show(self, cell: CoordinationCell | BlendCell | IKCell) -> None:
         """Show the paths of ``cell``, another than so far but with the same arms and obstacles, and look at them."""
         points = [arm.T_world_base[:3, 3] for arm in cell.arms]
         for arm, row, (q, beads) in zip(cell.arms, self._beads, _sweeps(cell), strict=True):
@@ -207,7 +207,7 @@ class Renderer:
         self._scene.close()
 
 
-def _sweeps(cell: Cell | BlendCell | IKCell) -> list[tuple[Floats, Floats]]:
+def _sweeps(cell: CoordinationCell | BlendCell | IKCell) -> list[tuple[Floats, Floats]]:
     """Of every arm: postures (BEADS, n) that it comes by, and points (BEADS, 3) that its tip is to come by."""
     if isinstance(cell, IKCell):
         rows = np.linspace(0, cell.ticks, BEADS).round().astype(int)

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet, quiet
 from armtempo.errors import RobotError
-from armtempo.planners import BlendCell, Cell, IKCell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell
 from armtempo.robots import Arm
 
 _FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those of the collision shapes
@@ -35,7 +35,7 @@ class Scene:
         hardware: Whether that plugin draws.
     """
 
-    def __init__(self, cell: Cell | BlendCell | IKCell, *, window: bool = False, egl: bool = False) -> None:
+    def __init__(self, cell: CoordinationCell | BlendCell | IKCell, *, window: bool = False, egl: bool = False) -> None:
         self.cell = cell
         self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
@@ -164,7 +164,7 @@ def quat_xyzw(R: Floats) -> tuple[float, float, float, float]:
     return float(x), float(y), float(z), float(w)
 
 
-def _with_tool(cell: Cell | BlendCell | IKCell, arm: Arm, folder: Path) -> Path:
+def _with_tool(cell: CoordinationCell | BlendCell | IKCell, arm: Arm, folder: Path) -> Path:
     """The arm's URDF, or a copy in ``folder`` with the cell's tool bolted to its tip."""
     config = next(config for config in cell.config.arms if config.name == arm.name)
     if config.tool is None:

@@ -1,1 +1,67 @@
 """What environments of every kind share: entries, actions, rewards, random numbers, life cycle."""
+
+from __future__ import annotations
+
+from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, read_actions
+from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
+from armtempo.envs.common._random import (
+    BEGIN,
+    FAMILY,
+    LATE,
+    LENGTH,
+    MASTER_LATE,
+    NOISE,
+    PHASE,
+    SPEED,
+    STOPS,
+    key_from,
+    normal,
+    uniform,
+)
+from armtempo.envs.common._rewards import (
+    collision_reward,
+    deviation_reward,
+    leaving_reward,
+    progress_reward,
+    time_reward,
+)
+from armtempo.envs.common._single_agent import SingleArmEnv, check_names, check_time_limit
+from armtempo.envs.common._vector_env import autoreset_of, check_ideal, count_of, read_commands, read_many, spread
+
+__all__ = [
+    "BEGIN",
+    "Entry",
+    "FAMILY",
+    "LATE",
+    "LENGTH",
+    "MASTER_LATE",
+    "NOISE",
+    "PHASE",
+    "SPEED",
+    "STOPS",
+    "SingleArmEnv",
+    "TIME_LIMIT",
+    "action_space",
+    "autoreset_of",
+    "check_ideal",
+    "check_late",
+    "check_names",
+    "check_time_limit",
+    "collision_reward",
+    "count_of",
+    "deviation_reward",
+    "key_from",
+    "leaving_reward",
+    "normal",
+    "observation_space",
+    "observation_table",
+    "progress_reward",
+    "read_action",
+    "read_actions",
+    "read_commands",
+    "read_many",
+    "share",
+    "spread",
+    "time_reward",
+    "uniform",
+]

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats, Floats32
-from armtempo.envs.bodies._controller import is_number
-from armtempo.envs.bodies._renderer import Renderer, check_render_mode
+from armtempo.envs.bodies import Renderer, check_render_mode, is_number
 from armtempo.errors import ActionError, InputError, RenderError, UnknownNameError
 from armtempo.planners import BlendCell, IKCell
 

@@ -1,1 +1,20 @@
 """Several arms on given paths: the multi-agent, the yielding and the vector environments."""
+
+from __future__ import annotations
+
+from armtempo.envs.coordination._batch import REWARDS, BatchSimulation
+from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
+from armtempo.envs.coordination._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
+from armtempo.envs.coordination._vector_envs import CoordinationVectorEnv, YieldingVectorEnv
+from armtempo.envs.coordination._yielding_env import YieldingEnv
+
+__all__ = [
+    "BatchSimulation",
+    "CoordinationEnv",
+    "CoordinationVectorEnv",
+    "REWARDS",
+    "ShieldParallelWrapper",
+    "ShieldWrapper",
+    "YieldingEnv",
+    "YieldingVectorEnv",
+]

@@ -13,27 +13,33 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.envs.common._entries import OTHER, OTHERS, OWN, SIZE
-from armtempo.envs.common._random import key_from
-from armtempo.envs.coordination._episode import as_cell, time_limit
-from armtempo.envs.coordination.shield._batch import admit_all, draw_shielded
-from armtempo.envs.coordination.shield._shield import shield_tables, shield_work
-from armtempo.envs.coordination.world._disturbance import (
+from armtempo.envs.common import key_from, spread
+from armtempo.envs.coordination._episode import time_limit
+from armtempo.envs.coordination.shield import admit_all, draw_shielded, shield_tables, shield_work
+from armtempo.envs.coordination.world import (
+    MODES,
+    OTHER,
+    OTHERS,
+    OWN,
+    SIZE,
     Disturbance,
     Draws,
     Range,
+    World,
     as_noise,
     describe,
     draw_all,
     draws_of,
+    episodes_of,
+    ideal_world,
+    observe,
+    run_periods,
+    scratch_for,
     stops_of,
     uncertain_arms,
 )
-from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
-from armtempo.envs.coordination.world._simulation import MODES
-from armtempo.envs.coordination.world._world import World, episodes_of, ideal_world
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import Cell, Mode, Precedence
+from armtempo.planners import CoordinationCell, Mode, Precedence, as_cell
 
 REWARDS = ("own", "team")
 
@@ -43,7 +49,7 @@ class BatchSimulation:
     """E episodes of a cell at once (A arms), as environments with ``physics="ideal"`` run them, to the last bit.
 
     Args:
-        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         episodes: How many, E.
         mode: What a command in [0, 1] means.
         reward: ``own``: every arm its own, as ``CoordinationEnv`` has it. ``team``: the mean progress of all minus the
@@ -76,7 +82,7 @@ class BatchSimulation:
 
     def __init__(
         self,
-        cell: Cell | str | Path,
+        cell: CoordinationCell | str | Path,
         episodes: int,
         *,
         mode: Mode = "speed",
@@ -98,7 +104,7 @@ class BatchSimulation:
         for name, count in (("episodes", episodes), ("threads", threads)):
             if not (isinstance(count, int | np.integer) and count > 0):
                 raise InputError(f"{name} must be a whole number above 0, got {count!r}")
-        self.cell, self.mode = as_cell(cell), mode
+        self.cell, self.mode = as_cell(cell, CoordinationCell), mode
         self.reference_time, self.time_limit = time_limit(self.cell, max_episode_s)
         self._draws = draws_of(self.cell, disturbance, start_phase, master_late_s)
         self._no_draws = draws_of(self.cell)
@@ -285,18 +291,3 @@ class BatchSimulation:
         """End the threads; may be called twice."""
         if self._pool is not None:
             self._pool.shutdown()
-
-
-def spread(seed: int | Sequence[int | None] | None, count: int) -> list[int | None]:
-    """One seed per environment, as Gymnasium has it: ``seed + k``, or a sequence of them.
-
-    Raises:
-        InputError: The sequence is not that long.
-    """
-    if seed is None:
-        return [None] * count
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + k for k in range(count)]
-    if len(seed) != count:
-        raise InputError(f"{len(seed)} seeds for {count} episodes", remedy="give one for each, or a single number")
-    return [None if one is None else int(one) for one in seed]

@@ -3,69 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.envs.common._random import key_from
-from armtempo.envs.common._rewards import collision_reward, progress_reward, time_reward
-from armtempo.envs.coordination.shield._shield import EpisodeShield
-from armtempo.envs.coordination.world._simulation import Physics, Simulation
-from armtempo.errors import ActionError, InputError
-from armtempo.planners import Cell, Mode, load_cell
-
-TIME_LIMIT = 5.0  # sequential times after which an episode is truncated
+from armtempo.envs.bodies import Physics
+from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_from, progress_reward, time_reward
+from armtempo.envs.coordination.shield import EpisodeShield
+from armtempo.envs.coordination.world import Simulation
+from armtempo.errors import InputError
+from armtempo.planners import CoordinationCell, Mode
 
 
-def as_cell(cell: Cell | str | Path) -> Cell:
-    """A built cell, or the bundled name or file to build it from."""
-    return cell if isinstance(cell, Cell) else load_cell(cell)
-
-
-def read_action(action: ArrayLike, agent: str) -> float:
-    """An action in [-1, 1] as a command in [0, 1]; values outside are clipped.
-
-    Raises:
-        ActionError: It is not one finite number.
-    """
-    return 0.5 * (float(read_actions(action, 1, agent)[0]) + 1.0)
-
-
-def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:
-    """An action of so many numbers, clipped to [-1, 1].
-
-    Raises:
-        ActionError: It is not so many finite numbers.
-    """
-    try:
-        values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):  # not numbers at all
-        values = np.array([np.nan])
-    if size == 1 and values.shape == ():
-        values = values[None]
-    if values.shape != (size,) or not np.isfinite(values).all():
-        what = "one finite number" if size == 1 else f"{size} finite numbers"
-        raise ActionError(
-            f"action of {agent} must be {what} in an array of shape ({size},), got {action!r}",
-            remedy="clip it to [-1, 1] and replace NaN before env.step",
-            agent=agent,
-            action=action,
-        )
-    return np.clip(values, -1.0, 1.0)
-
-
-def check_late(late: ArrayLike) -> None:
-    """Raise InputError unless all of ``late`` [s] are times to wait."""
-    times = np.asarray(late, dtype=np.float64)
-    if not (np.isfinite(times).all() and (times >= 0.0).all()):
-        raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
-
-
-def time_limit(cell: Cell, max_episode_s: float | None) -> tuple[float, float]:
+def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[float, float]:
     """The reference time of rewards, and after how long an episode is truncated [s].
 
     Raises:
@@ -83,7 +35,14 @@ class Episode:
     """The state of an episode of one cell, above the simulation."""
 
     def __init__(
-        self, cell: Cell, *, physics: Physics, mode: Mode, record: bool, max_episode_s: float | None, **options: Any
+        self,
+        cell: CoordinationCell,
+        *,
+        physics: Physics,
+        mode: Mode,
+        record: bool,
+        max_episode_s: float | None,
+        **options: Any,
     ) -> None:
         self.cell = cell
         self.reference_time, self.time_limit = time_limit(cell, max_episode_s)

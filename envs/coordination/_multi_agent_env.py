@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
-from armtempo.envs.common._entries import action_space, observation_space
-from armtempo.envs.coordination._episode import Episode, agent_names, as_cell, read_action
-from armtempo.envs.coordination.shield._shield import EpisodeShield
-from armtempo.envs.coordination.world._disturbance import Disturbance, Range
-from armtempo.envs.coordination.world._simulation import EpisodeTrace, Physics, Simulation
+from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_modes
+from armtempo.envs.common import action_space, observation_space, read_action
+from armtempo.envs.coordination._episode import Episode, agent_names
+from armtempo.envs.coordination.shield import EpisodeShield
+from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode, as_cell
 
 
 @final
@@ -53,7 +52,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
     is *truncated* at five times the sequential time.
 
     Args:
-        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         physics: ``bullet`` or ``ideal``.
         mode: ``speed`` or ``acceleration``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
@@ -83,7 +82,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
 
     def __init__(
         self,
-        cell: Cell | str | Path = "lee1991",
+        cell: CoordinationCell | str | Path = "lee1991",
         *,
         physics: Physics = "bullet",
         mode: Mode = "speed",
@@ -100,7 +99,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         shield_tube_m: float = 0.0,
     ) -> None:
         check_render_mode(render_mode)
-        self.cell = as_cell(cell)
+        self.cell = as_cell(cell, CoordinationCell)
         self.physics: Physics = physics
         self.mode: Mode = mode
         self.render_mode = render_mode
@@ -113,7 +112,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
-        self.observation_spaces = {agent: observation_space() for agent in self.possible_agents}
+        self.observation_spaces = {agent: observation_space(ENTRIES) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._renderer: Renderer | None = None
         self._closed = False

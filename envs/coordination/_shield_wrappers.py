@@ -10,10 +10,10 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from armtempo.arrays import Floats32
-from armtempo.envs.coordination._episode import read_action
+from armtempo.envs.common import read_action
 from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
 from armtempo.envs.coordination._yielding_env import YieldingEnv
-from armtempo.envs.coordination.shield._shield import EpisodeShield
+from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.errors import InputError
 
 

@@ -17,73 +17,29 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.common._entries import action_space, observation_space
-from armtempo.envs.coordination._batch import BatchSimulation, spread
-from armtempo.envs.coordination._episode import as_cell, check_late
+from armtempo.envs.bodies import Physics
+from armtempo.envs.common import (
+    action_space,
+    autoreset_of,
+    check_ideal,
+    check_late,
+    count_of,
+    observation_space,
+    read_commands,
+    spread,
+)
+from armtempo.envs.coordination._batch import BatchSimulation
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
-from armtempo.envs.coordination.shield._shield import plan_of
-from armtempo.envs.coordination.world._disturbance import Disturbance, Range
-from armtempo.envs.coordination.world._simulation import Physics
-from armtempo.errors import ActionError, InputError
-from armtempo.planners import Cell, Execution, Mode
+from armtempo.envs.coordination.shield import plan_of
+from armtempo.envs.coordination.world import ENTRIES, Disturbance, Range
+from armtempo.errors import InputError
+from armtempo.planners import CellBase, CoordinationCell, Execution, Mode, as_cell
 
 PER_THREAD = {False: 256, True: 32}  # episodes that are worth a thread: without the shield, and with it
 
 
 def _threads(count: int, threads: int | None, shield: bool) -> int:
     return max(1, min(os.cpu_count() or 1, count // PER_THREAD[shield])) if threads is None else threads
-
-
-def count_of(number: int, what: str = "num_envs") -> int:
-    """A number of things, one at least."""
-    if not (isinstance(number, int | np.integer) and number > 0):
-        raise InputError(f"{what} must be a whole number above 0, got {number!r}")
-    return int(number)
-
-
-def check_ideal(physics: Physics, render_mode: str | None) -> None:
-    """Refuse what many environments at once cannot do."""
-    if physics != "ideal" or render_mode is not None:
-        what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"
-        raise InputError(
-            f"many environments at once run without physics and pictures, got {what}",
-            remedy='use physics="ideal", or gymnasium.make_vec(..., vectorization_mode="sync")',
-        )
-
-
-def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
-    """``NEXT_STEP`` or ``SAME_STEP``.
-
-    Raises:
-        InputError: It is neither.
-    """
-    known = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
-    if mode not in (*known, *(one.value for one in known)):
-        raise InputError(f"autoreset_mode is {mode!r}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
-    return AutoresetMode(mode)
-
-
-def read_many(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Actions of many environments, clipped to [-1, 1], with the bits of ``read_actions``.
-
-    Raises:
-        ActionError: They are not finite numbers of that shape.
-    """
-    try:
-        values = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError):  # not numbers at all
-        values = np.array(np.nan)
-    if values.shape != shape or not np.isfinite(values).all():
-        raise ActionError(
-            f"actions must be finite numbers in an array of shape {shape}, got shape {values.shape}",
-            remedy="clip them to [-1, 1] and replace NaN before step",
-        )
-    return np.clip(values, -1.0, 1.0)
-
-
-def read_commands(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Such actions as commands in [0, 1], with the bits of ``read_action``."""
-    return np.asarray(0.5 * (read_many(actions, shape) + 1.0), dtype=np.float64)
 
 
 @final
@@ -119,7 +75,7 @@ class YieldingVectorEnv(VectorEnv[Floats32, Floats32, NDArray[Any]]):
     def __init__(
         self,
         num_envs: int = 1,
-        cell: Cell | str | Path = "lee1991",
+        cell: CoordinationCell | str | Path = "lee1991",
         *,
         learner: str | None = None,
         others: str | Execution | None = None,
@@ -138,7 +94,7 @@ class YieldingVectorEnv(VectorEnv[Floats32, Floats32, NDArray[Any]]):
         check_ideal(physics, render_mode)
         self.autoreset_mode = autoreset_of(autoreset_mode)
         self.num_envs = count_of(num_envs)
-        self.cell = as_cell(cell)
+        self.cell = as_cell(cell, CoordinationCell)
         self._own, self._shielded = learner_of(self.cell, learner), shield
         if others is not None and not isinstance(others, str):
             raise InputError("one Execution cannot run many episodes", remedy="name a planning method instead")
@@ -152,7 +108,7 @@ class YieldingVectorEnv(VectorEnv[Floats32, Floats32, NDArray[Any]]):
         )  # fmt: skip
         self.metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
-        self.single_observation_space: Box = observation_space()
+        self.single_observation_space: Box = observation_space(ENTRIES)
         self.single_action_space: Box = action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -296,7 +252,7 @@ class CoordinationVectorEnv:
 
     def __init__(
         self,
-        cell: Cell | str | Path | Sequence[Cell | str | Path] = "lee1991",
+        cell: CoordinationCell | str | Path | Sequence[CoordinationCell | str | Path] = "lee1991",
         num_envs: int = 1,
         *,
         mode: Mode = "speed",
@@ -311,8 +267,8 @@ class CoordinationVectorEnv:
         threads: int | None = None,
     ) -> None:
         self.num_envs = count_of(num_envs)
-        given = [cell] if isinstance(cell, Cell | str | Path) else list(cell)
-        self.cells = tuple(as_cell(one) for one in given)
+        given = [cell] if isinstance(cell, CellBase | str | Path) else list(cell)
+        self.cells = tuple(as_cell(one, CoordinationCell) for one in given)
         counts = {len(one.arms) for one in self.cells}
         if len(counts) != 1 or len(self.cells) > self.num_envs:
             raise InputError(
@@ -337,7 +293,7 @@ class CoordinationVectorEnv:
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip
         self._shielded = shield
-        self.observation_space: Box = observation_space()
+        self.observation_space: Box = observation_space(ENTRIES)
         self.action_space: Box = action_space()
         self._full = np.ones((self.num_envs, self.arms))
 

@@ -12,14 +12,13 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
-from armtempo.envs.common._entries import action_space, observation_space
-from armtempo.envs.coordination._episode import Episode, as_cell, read_action
-from armtempo.envs.coordination.shield._shield import EpisodeShield, plan_of
-from armtempo.envs.coordination.world._disturbance import Disturbance, Range, as_range
-from armtempo.envs.coordination.world._simulation import EpisodeTrace, Physics, Simulation
+from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_modes
+from armtempo.envs.common import action_space, observation_space, read_action
+from armtempo.envs.coordination._episode import Episode
+from armtempo.envs.coordination.shield import EpisodeShield, plan_of
+from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation, as_range
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, Execution, Mode, execution_of, schedule
+from armtempo.planners import METHODS, CoordinationCell, Execution, Mode, as_cell, execution_of, schedule
 
 
 @final
@@ -50,7 +49,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
     sequential time. Arrival and violation as in ``CoordinationEnv``.
 
     Args:
-        cell: Name of a bundled cell, a cell file, or a built ``Cell``.
+        cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         learner: Name of the learning arm; None: the last one.
         others: What the other arms do: ``phase-plane`` (minimum time, whatever the rest does), ``vci`` or another
             planning method, executed by precedence, or an ``Execution`` of your own. None: ``phase-plane`` for one
@@ -81,7 +80,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
 
     def __init__(
         self,
-        cell: Cell | str | Path = "lee1991",
+        cell: CoordinationCell | str | Path = "lee1991",
         *,
         learner: str | None = None,
         others: str | Execution | None = None,
@@ -101,7 +100,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
     ) -> None:
         check_render_mode(render_mode)
         as_range(master_late_s, "master_late_s", math.inf)
-        self.cell = as_cell(cell)
+        self.cell = as_cell(cell, CoordinationCell)
         self._own = learner_of(self.cell, learner)
         self.render_mode = render_mode
         self._episode = Episode(
@@ -109,7 +108,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
             disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
             master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
         )  # fmt: skip
-        self.observation_space: Box = observation_space()  # type: ignore[assignment]
+        self.observation_space: Box = observation_space(ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._running = self._closed = False
@@ -201,7 +200,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
             self._renderer.close()
 
 
-def learner_of(cell: Cell, learner: str | None) -> int:
+def learner_of(cell: CoordinationCell, learner: str | None) -> int:
     """The number of the learning arm; None: the last one.
 
     Raises:
@@ -213,7 +212,7 @@ def learner_of(cell: Cell, learner: str | None) -> int:
     return len(names) - 1 if learner is None else names.index(learner)
 
 
-def others_of(cell: Cell, others: str | None, mode: Mode, count: int) -> list[Execution]:
+def others_of(cell: CoordinationCell, others: str | None, mode: Mode, count: int) -> list[Execution]:
     """What the other arms do in so many episodes, each its own; none: full speed.
 
     Raises:

@@ -10,16 +10,25 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies._renderer import Renderer, render_modes
-from armtempo.envs.common._entries import action_space, observation_space
-from armtempo.envs.common._rewards import deviation_reward
-from armtempo.envs.common._single_agent import SingleArmEnv, check_names
-from armtempo.envs.coordination._episode import read_actions
-from armtempo.envs.coordination.world._simulation import Physics
+from armtempo.envs.bodies import Physics, Renderer, render_modes
+from armtempo.envs.common import (
+    SingleArmEnv,
+    action_space,
+    check_names,
+    deviation_reward,
+    observation_space,
+    read_actions,
+)
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
 from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.errors import InputError
-from armtempo.planners import TARGET_FAMILIES, BlendCell, Cell, IKCell, TargetFamilyName, draw_target, load_cell
+from armtempo.planners import (
+    TARGET_FAMILIES,
+    IKCell,
+    TargetFamilyName,
+    as_cell,
+    draw_target,
+)
 
 RESET_OPTIONS = ("family",)
 REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}
@@ -38,13 +47,7 @@ def ik_cell(cell: IKCell | str | Path, action_mode: str, families: Sequence[str]
     if not families:
         raise InputError("there is no family of targets", remedy=f"give some of {', '.join(TARGET_FAMILIES)}")
     check_names(*(("family of targets", family, TARGET_FAMILIES) for family in families))
-    given: object = cell
-    if isinstance(given, Cell | BlendCell):
-        raise InputError(
-            f"{given.name!r} is a {given.config.kind} cell, and an ik cell is needed here",
-            remedy="give an ik cell such as chung, or use CoordinationEnv or BlendTrackingEnv",
-        )
-    return cell if isinstance(cell, IKCell) else load_cell(cell, IKCell)
+    return as_cell(cell, IKCell)
 
 
 def ik_spaces(cell: IKCell, action_mode: ActionMode) -> tuple[Box, Box]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats, Floats32
-from armtempo.envs.common._entries import Entry
+from armtempo.envs.common import Entry
 from armtempo.envs.ik._simulation import IKSimulation
 from armtempo.planners import IKCell
 

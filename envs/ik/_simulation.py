@@ -13,8 +13,7 @@ from typing import Literal, final, get_args
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.bodies._controller import TrackedArm
-from armtempo.envs.coordination.world._simulation import Physics
+from armtempo.envs.bodies import Physics, TrackedArm
 from armtempo.envs.ik._braking import HARDNESS, hardest_stop
 from armtempo.envs.ik._kernels import brake, pose_errors
 from armtempo.envs.ik._periods import ask_period, cut_shares, drive_of, sum_up

@@ -18,10 +18,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.common._single_agent import check_names, check_time_limit
-from armtempo.envs.coordination._batch import spread
-from armtempo.envs.coordination._vector_envs import autoreset_of, check_ideal, count_of, read_many
-from armtempo.envs.coordination.world._simulation import Physics
+from armtempo.envs.bodies import Physics
+from armtempo.envs.common import autoreset_of, check_ideal, check_names, check_time_limit, count_of, read_many, spread
 from armtempo.envs.ik._env import REWARD_WEIGHTS, ik_cell, ik_spaces
 from armtempo.envs.ik._observation import AHEAD, IKView, observe_ik
 from armtempo.envs.ik._periods import IKEpisodes, drive_of, look_ahead, run_ik_periods

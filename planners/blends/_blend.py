@@ -21,9 +21,10 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
 from armtempo.planners.blends import _kernels_all as kernels
-from armtempo.planners.blends._corners import Curve, PassingLimits, packed_segments, plan_corners
+from armtempo.planners.blends._corners import packed_segments, plan_corners
+from armtempo.planners.blends._families import Curve, PassingLimits
 from armtempo.planners.blends._kernels_all import PackedPath
-from armtempo.planners.geometry._cartesian_path import Arc, Line, floats
+from armtempo.planners.geometry import Arc, Line, floats
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -116,7 +117,7 @@ def blend(
             that is taken (of a pair the smaller, on both sides), and the tolerance may not be used up.
         curve: ``cubic`` (Lee2006), ``quintic`` and ``low-peak`` (G2 for any pair), ``septic`` (G3), ``least-time`` (of
             all, the quickest to pass; needs ``tolerance`` and ``limits``), or shares of the inner control points, see
-            ``_blend_corners``.
+            ``_corners``.
         limits: For ``least-time``.
 
     Raises:
@@ -161,7 +162,7 @@ def least_time_blend(
     *,
     remaining_distance: float | tuple[float, float] | None = None,
 ) -> Blend:
-    """The blend that is quickest to pass at a corner tolerance [m], by the estimate in ``_blend_least_time``.
+    """The blend that is quickest to pass at a corner tolerance [m], by the estimate in ``_least_time``.
 
     The families and their shares are searched from the named curves; the tolerance is the most the path may leave the
     vertex by, and is used up unless the segments, or ``remaining_distance``, are too short for it.

@@ -16,16 +16,10 @@ from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError, PathError
 from armtempo.planners.blends import _kernels_all as kernels
 from armtempo.planners.blends._blend import Blend, lengths_on, path_derivatives
-from armtempo.planners.blends._corners import (
-    Corners,
-    Curve,
-    PassingLimits,
-    arc_shapes,
-    packed_segments,
-    plan_corners,
-)
+from armtempo.planners.blends._corners import Corners, arc_shapes, packed_segments, plan_corners
+from armtempo.planners.blends._families import Curve, PassingLimits
 from armtempo.planners.blends._kernels_all import ARC, LINE, PackedPath
-from armtempo.planners.geometry._cartesian_path import NOTHING, Arc, Line, floats
+from armtempo.planners.geometry import NOTHING, Arc, Line, floats
 
 
 @final

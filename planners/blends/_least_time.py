@@ -21,8 +21,7 @@ import numpy as np
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError
 from armtempo.planners.blends import _kernels_all as kernels
-from armtempo.planners.blends._blend import Blend
-from armtempo.planners.blends._corners import CURVES, PassingLimits
+from armtempo.planners.blends._families import CURVES, PassingLimits
 from armtempo.robots import njit
 
 SAMPLES = 48  # of u on a blend
@@ -115,7 +114,7 @@ def _keeps(samples: Floats, v0: float, j: float, last: float, a: float, limits: 
 
 
 @njit
-def _passing_cost(shape: Floats, degree: int, remaining: float, limits: Floats) -> float:
+def estimated_cost(shape: Floats, degree: int, remaining: float, limits: Floats) -> float:
     """The cost above [s]; ``remaining`` is L_1 + L_2, ``limits`` (4,) V, a, j, a_n."""
     top, acceleration, jerk, _ = limits
     samples = np.empty((SAMPLES + 1, 4))
@@ -167,7 +166,7 @@ def _cost(
     reach = min(reach, most)
     points, shape = np.empty((8, 3)), np.empty((8, 3))
     kernels.corner_blend(kind, segment, lengths[0], np.array([reach, reach]), shares, degree, points, shape)
-    return _passing_cost(shape, degree, 2.0 * reach, limits)
+    return estimated_cost(shape, degree, 2.0 * reach, limits)
 
 
 @njit
@@ -211,7 +210,7 @@ def _search(
                 shares[k], degree[k] = here, n
 
 
-def _checked(limits: PassingLimits | None) -> Floats:
+def checked_limits(limits: PassingLimits | None) -> Floats:
     if limits is None:
         raise InputError("curve 'least-time' needs limits", remedy="give LineSpeedLimits")
     try:
@@ -234,7 +233,7 @@ def least_time_shares(
     limits: PassingLimits | None,
 ) -> tuple[Floats, Ints]:
     """``shares`` (C, 3) and degrees (C,) of the quickest blends of C corners; no further out than ``most`` (C,)."""
-    values = _checked(limits)
+    values = checked_limits(limits)
     names = ("quintic", "low-peak", "septic", "cubic")
     starts = np.zeros((len(names), 3))
     for j, name in enumerate(names):
@@ -243,12 +242,3 @@ def least_time_shares(
     shares, degree = np.zeros((len(tolerance), 3)), np.zeros(len(tolerance), dtype=np.int64)
     _search(kind, shape, lengths, tolerance, most, smooth, values, starts, degrees, shares, degree)
     return shares, degree
-
-
-def passing_cost(blend: Blend, limits: PassingLimits) -> float:
-    """What a blend costs against running through its vertex at line speed [s]: what ``least-time`` minimises.
-
-    An estimate from above, inf where no motion of the simple kind keeps the limits; see ``_blend_least_time``.
-    """
-    remaining = blend.start_remaining + blend.end_remaining
-    return float(_passing_cost(blend.packed.shape[0], blend.degree, remaining, _checked(limits)))

@@ -24,7 +24,7 @@ from armtempo.planners.blends import _kernels_all as kernels
 from armtempo.planners.blends._blend import Blend
 from armtempo.planners.blends._blended_path import BlendedPath
 from armtempo.planners.blends._kernels_all import ARC, PackedPath
-from armtempo.planners.geometry._cartesian_path import floats
+from armtempo.planners.geometry import floats
 from armtempo.robots import njit
 
 

@@ -1,1 +1,34 @@
 """Cells of every kind, built from their files and certified."""
+
+from __future__ import annotations
+
+from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
+from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
+from armtempo.planners.cells._cell import Cell, CellBase
+from armtempo.planners.cells._coordination_cell import CoordinationCell
+from armtempo.planners.cells._ik_cell import IKCell
+from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
+from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
+from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
+
+__all__ = [
+    "BlendCell",
+    "CELLS",
+    "Cell",
+    "CellBase",
+    "CoordinationCell",
+    "FamilyName",
+    "IKCell",
+    "MotionDemand",
+    "PATH_FAMILIES",
+    "PROFILES",
+    "ProfileName",
+    "TARGET_FAMILIES",
+    "TargetFamilyName",
+    "as_cell",
+    "build_cell",
+    "draw_path",
+    "draw_target",
+    "load_cell",
+    "motion_demand",
+]

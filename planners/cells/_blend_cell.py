@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, final, get_args
+from typing import ClassVar, Literal, final, get_args
+
+import numpy as np
 
 from armtempo.configs import BlendCellConfig, change_blend
-from armtempo.errors import UnknownNameError
-from armtempo.planners.blends._blended_path import BlendedPath
+from armtempo.errors import InfeasibleError, UnknownNameError
+from armtempo.planners.blends import BlendedPath
+from armtempo.planners.cells._arm_from_config import arm_from, located, segments_from
 from armtempo.planners.cells._cell import OneArmCell
-from armtempo.planners.geometry._cartesian_path import Arc, Line
-from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
-from armtempo.planners.joint_paths._joint_path import JointPath
-from armtempo.planners.joint_paths._scara_path import ScaraPath
-from armtempo.planners.joint_paths._two_link_path import TwoLinkPath
-from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile
-from armtempo.robots import Arm
+from armtempo.planners.charts import check_path
+from armtempo.planners.geometry import Arc, Line
+from armtempo.planners.joint_paths import AbstractJointPath, CartesianJointPath, JointPath, ScaraPath, TwoLinkPath
+from armtempo.planners.line_speed import LineSpeedLimits, LineSpeedProfile, limit_aware_profile
+from armtempo.robots import Arm, Clearance
 
 ProfileName = Literal["line-speed", "limit-aware"]
 PROFILES: tuple[ProfileName, ...] = get_args(ProfileName)
@@ -37,9 +38,50 @@ class BlendCell(OneArmCell[BlendCellConfig]):
         path: The arm's joints along it.
     """
 
+    config_type: ClassVar = BlendCellConfig
+
     segments: tuple[Line | Arc, ...]
     blended: BlendedPath
     path: TwoLinkPath | ScaraPath | CartesianJointPath
+
+    @classmethod
+    def from_config(cls, config: BlendCellConfig) -> BlendCell:
+        """Build the arm and its path, and certify it; raises as ``load_cell``."""
+        with located(f"{config.source}, arm"):
+            arm = arm_from(config, config.arm)
+        with located(f"{config.source}, arm.path"):
+            cell = cls.of(config, arm, segments_from(config.arm))
+            cell.certify()
+        return cell
+
+    def certify(self) -> None:
+        """Certify the path against the arm's own links, between samples too, and that it can be held at rest.
+
+        Raises:
+            CollisionError: The arm touches itself.
+            InfeasibleError: The drives cannot hold it somewhere.
+        """
+        check_path(Clearance([self.arm], ()), 0, self.arm, self.path)
+        self._check_holding()
+
+    def _check_holding(self) -> None:
+        """Raise InfeasibleError where the drives cannot hold the arm at rest on its path."""
+        station = self.path.station
+        q = self.path.evaluate(station)[0]
+        rest = np.zeros_like(q)
+        share = np.abs(self.arm.inverse_dynamics(q, rest, rest)) / self.arm.torque_max
+        k, joint = np.unravel_index(int(share.argmax()), share.shape)
+        if share[k, joint] > 1.0:
+            unit = "N" if self.arm.model.prismatic[joint] else "N m"
+            limit = float(self.arm.torque_max[joint])
+            raise InfeasibleError(
+                f"arm {self.arm.name!r} cannot hold still at station {station[k]:.4g} m: joint "
+                f"{self.arm.joint_names[joint]!r} needs {share[k, joint] * limit:.4g} {unit}, "
+                f"its limit is {limit:.4g} {unit}",
+                remedy="raise that limit, or move the path or the base",
+                station=float(station[k]),
+                joint=int(joint),
+            )
 
     @classmethod
     def of(cls, config: BlendCellConfig, arm: Arm, segments: Sequence[Line | Arc]) -> BlendCell:
@@ -93,7 +135,7 @@ class BlendCell(OneArmCell[BlendCellConfig]):
         return self.of(config, self.arm, self.segments if segments is None else segments)
 
     @property
-    def paths(self) -> tuple[JointPath]:
+    def paths(self) -> tuple[AbstractJointPath]:
         """Its joint path."""
         return (self.path,)
 
@@ -116,8 +158,6 @@ class BlendCell(OneArmCell[BlendCellConfig]):
     @cached_property
     def limit_aware(self) -> LineSpeedProfile:
         """The profile that keeps normal acceleration and the vector's jerk, too."""
-        from armtempo.planners.line_speed._limit_aware import limit_aware_profile
-
         return limit_aware_profile(self.blended, self.limits)
 
     def profile(self, name: str) -> LineSpeedProfile:

@@ -12,9 +12,8 @@ from armtempo.configs import change_blend
 from armtempo.errors import PathError, UnknownNameError
 from armtempo.planners.cells._blend_cell import BlendCell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
-from armtempo.planners.geometry._cartesian_path import Arc, Line
-from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
-from armtempo.planners.joint_paths._planar_pair import PlanarPair
+from armtempo.planners.geometry import Arc, Line
+from armtempo.planners.joint_paths import CartesianJointPath, PlanarPair
 
 FamilyName = Literal["given", "polyline", "zigzag", "line-arc"]
 PATH_FAMILIES: tuple[FamilyName, ...] = get_args(FamilyName)

@@ -1,44 +1,91 @@
-"""What cells with one arm have in common: the arm, and the times of their simulation."""
+"""What cells of every kind are: arms and what they are to do, built from a file and certified."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from armtempo.configs import OneArmCellConfig
+from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig
 from armtempo.robots import Arm, Shape
 
-__all__ = ["OneArmCell"]
+__all__ = ["Cell", "CellBase", "OneArmCell"]
 
-Config = TypeVar("Config", bound=OneArmCellConfig)
+ConfigT = TypeVar("ConfigT", bound=AnyCellConfig)
+OneArmConfigT = TypeVar("OneArmConfigT", BlendCellConfig, IKCellConfig)
+
+
+class Cell(Protocol):
+    """Arms and what they are to do, built from a file and certified; nothing in it changes."""
+
+    @property
+    def name(self) -> str:
+        """The cell's name."""
+
+    @property
+    def config(self) -> AnyCellConfig:
+        """What it was built from."""
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms in priority order."""
+
+    @property
+    def obstacles(self) -> tuple[Shape, ...]:
+        """Static bodies."""
+
+    @property
+    def physics_tick(self) -> float:
+        """Step of the simulation [s]."""
+
+    @property
+    def control_period(self) -> float:
+        """Time between two decisions [s]."""
+
+    @property
+    def ticks_per_period(self) -> int:
+        """Simulation steps between two decisions."""
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """[m/s^2] in world axes."""
+
+    def certify(self) -> None:
+        """Check what can be checked before anything moves; raises PathError, InfeasibleError or CollisionError."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OneArmCell(Generic[Config]):
-    """One arm and what it is to do.
+class CellBase(Generic[ConfigT]):
+    """What every kind of cell has in common; a kind adds its arms, what they are to do, and ``certify``.
 
     Attributes:
         name: The cell's name.
         config: What it was built from.
-        arm: The arm.
     """
 
+    config_type: ClassVar[type[Any]]  # of its file
+
     name: str
-    config: Config
-    arm: Arm
+    config: ConfigT
+
+    @classmethod
+    @abstractmethod
+    def from_config(cls, config: ConfigT) -> Self:
+        """Build and certify it.
+
+        Raises:
+            ConfigError: A file that it names cannot be used.
+            PathError: A path is out of reach, breaks a limit or has a corner.
+            InfeasibleError: Torque limits are too small.
+            CollisionError: A path hits something.
+        """
+
+    @abstractmethod
+    def certify(self) -> None:
+        """Check what can be checked before anything moves; raises PathError, InfeasibleError or CollisionError."""
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
-
-    @property
-    def arms(self) -> tuple[Arm]:
-        """The arm, as cells of several have theirs."""
-        return (self.arm,)
-
-    @property
-    def obstacles(self) -> tuple[Shape, ...]:
-        """None: these cells have no bodies but the arm."""
-        return ()
 
     @property
     def physics_tick(self) -> float:
@@ -54,3 +101,31 @@ class OneArmCell(Generic[Config]):
     def ticks_per_period(self) -> int:
         """Simulation steps between two decisions."""
         return self.config.ticks_per_period
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """[m/s^2] in world axes."""
+        return self.config.gravity_m_s2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OneArmCell(CellBase[OneArmConfigT]):
+    """One arm and what it is to do.
+
+    Attributes:
+        name: The cell's name.
+        config: What it was built from.
+        arm: The arm.
+    """
+
+    arm: Arm
+
+    @property
+    def arms(self) -> tuple[Arm]:
+        """The arm, as cells of several have theirs."""
+        return (self.arm,)
+
+    @property
+    def obstacles(self) -> tuple[Shape, ...]:
+        """None: these cells have no bodies but the arm."""
+        return ()

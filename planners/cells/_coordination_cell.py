@@ -1,21 +1,20 @@
-"""A cell: arms on their given paths in one place, its charts and bound, and the certification of its paths."""
+"""A coordination cell: arms on their given paths in one place, charts and bound, its paths certified."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import final
+from itertools import combinations
+from typing import ClassVar, final
 
 from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError, InputError
-from armtempo.planners.charts._coordination_chart import CoordinationChart
-from armtempo.planners.charts._path_certificate import check_path
-from armtempo.planners.coordination._makespan_bound import MakespanBound, PriorityClass
-from armtempo.planners.coordination._timing_problem import TimingProblem
-from armtempo.planners.joint_paths._joint_path import JointPath
-from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
+from armtempo.planners.cells._cell import CellBase
+from armtempo.planners.charts import CoordinationChart, check_path
+from armtempo.planners.coordination import MakespanBound, PassingOrders, PriorityClass, TimingProblem
+from armtempo.planners.joint_paths import AbstractJointPath
+from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, refined_plane
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
@@ -23,7 +22,7 @@ BOUND_GRID = 8000  # intervals
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 @final
-class Cell:
+class CoordinationCell(CellBase[CellConfig]):
     """Arms on given paths in one place. Make one with ``load_cell`` or ``build_cell``.
 
     Attributes:
@@ -37,22 +36,57 @@ class Cell:
         clearance: FCL distances between arms and to obstacles.
     """
 
-    name: str
-    config: CellConfig
+    config_type: ClassVar = CellConfig
+
     arms: tuple[Arm, ...]
-    paths: tuple[JointPath, ...]
+    paths: tuple[AbstractJointPath, ...]
     obstacles: tuple[Shape, ...]
     dynamics: tuple[PathDynamics, ...]
     planes: tuple[PhasePlane, ...]
     clearance: Clearance
 
-    def __deepcopy__(self, memo: dict[int, object]) -> Cell:
-        return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+    @classmethod
+    def from_config(cls, config: CellConfig) -> CoordinationCell:
+        """Build the arms, their paths and planes, and certify them; raises as ``load_cell``."""
+        arms, paths, planes = [], [], []
+        for i, given in enumerate(config.arms):
+            with located(f"{config.source}, arms[{i}]"):
+                arms.append(arm_from(config, given))
+            with located(f"{config.source}, arms[{i}].path"):
+                paths.append(path_from(arms[i], config, given))
+                dynamics = PathDynamics.from_path(
+                    arms[i], paths[i], intervals=config.stations, torque_reserve=config.torque_reserve
+                )
+                planes.append(refined_plane(dynamics, tick=config.physics_tick_s))
+        obstacles = tuple(obstacle_from(config, obstacle) for obstacle in config.obstacles)
+        cell = cls(
+            name=config.name,
+            config=config,
+            arms=tuple(arms),
+            paths=tuple(paths),
+            obstacles=obstacles,
+            dynamics=tuple(plane.dynamics for plane in planes),
+            planes=tuple(planes),
+            clearance=Clearance(arms, obstacles),
+        )
+        cell.certify()
+        return cell
+
+    def certify(self) -> None:
+        """Certify every path, between samples too, and that all arms can start and end together.
+
+        Raises:
+            CollisionError: Something comes too close; the message names the place in the cell's file and the bodies.
+        """
+        for i in range(len(self.arms)):
+            with located(f"{self.config.source}, arms[{i}].path"):
+                self.check_path(i)
+        if len(self.arms) > 1:
+            with located(str(self.config.source)):
+                self.check_ends()
 
     def __reduce__(self) -> tuple[object, tuple[CellConfig]]:
-        from armtempo.planners.cells._load import build_cell
-
-        return build_cell, (self.config,)  # FCL's objects do not travel: another process builds the cell again
+        return type(self).from_config, (self.config,)  # FCL's objects do not travel: another process builds it again
 
     @property
     def d_min(self) -> float:
@@ -62,22 +96,7 @@ class Cell:
     @property
     def planned_clearance(self) -> float:
         """``d_min`` plus the reserve that plans keep [m]."""
-        return self.config.d_min_m + self.config.clearance_reserve_m
-
-    @property
-    def physics_tick(self) -> float:
-        """Step of the simulation [s]."""
-        return self.config.physics_tick_s
-
-    @property
-    def control_period(self) -> float:
-        """Time between two decisions [s]."""
-        return self.config.control_period_s
-
-    @property
-    def ticks_per_period(self) -> int:
-        """Simulation steps between two decisions."""
-        return self.config.ticks_per_period
+        return self.d_min + self.clearance_reserve
 
     @property
     def fastest(self) -> tuple[PhaseTrajectory, ...]:
@@ -125,11 +144,6 @@ class Cell:
     def chart(self) -> CoordinationChart:
         """Coordination chart of the first two arms for planning."""
         return self.chart_between(0, 1)
-
-    @property
-    def bound_chart(self) -> CoordinationChart:
-        """Coordination chart of the first two arms for bounds."""
-        return self.bound_chart_between(0, 1)
 
     @cached_property
     def timing(self) -> TimingProblem:
@@ -181,10 +195,6 @@ class Cell:
         """``free``, ``uniform`` (a start delay is optimal), ``mixed`` (timing must be shaped) or ``infeasible``."""
         return self.bound.priority_class
 
-    def pair_class(self, i: int, j: int) -> PriorityClass:
-        """The class of two arms alone."""
-        return self.bound.classes[min(i, j), max(i, j)]
-
     def check_ends(self) -> None:
         """Check that the arms are clear of each other where all start and where all end.
 
@@ -204,6 +214,19 @@ class Cell:
                     clearance_m=nearest.distance,
                     required_m=self.planned_clearance,
                 )
+
+    def passing_orders(self, extra_clearance: float = 0.0) -> PassingOrders:
+        """The collision regions of all pairs, at the planned clearance and so much more [m]."""
+        clearance = self.planned_clearance + extra_clearance
+        pairs = combinations(range(len(self.paths)), 2)
+        return PassingOrders.of_charts(
+            [path.length for path in self.paths], {(a, b): self.chart_at(a, b, clearance) for a, b in pairs}
+        )
+
+    @property
+    def clearance_reserve(self) -> float:
+        """What plans keep above ``d_min`` [m]."""
+        return self.config.clearance_reserve_m
 
     def check_path(self, i: int) -> None:
         """Certify path i, between samples too, against obstacles and the arm's own links.

@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.configs import IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
+from armtempo.planners.cells._arm_from_config import arm_from, located
 from armtempo.planners.cells._cell import OneArmCell
-from armtempo.planners.geometry._cartesian_path import floats
-from armtempo.planners.geometry._pose_matrix import pose_matrix, rpy_matrix
-from armtempo.planners.geometry._pose_motions import harmonic, through_poses
-from armtempo.planners.geometry._pose_target import Motion, PoseTarget
-from armtempo.planners.ik._feedback import FeedbackIK, IKGains, IKRun
+from armtempo.planners.geometry import Motion, PoseTarget, floats, harmonic, pose_matrix, rpy_matrix, through_poses
+from armtempo.planners.ik import FeedbackIK, IKGains, IKRun
 from armtempo.robots import Arm, Clearance
 
 CHECKS = 200  # postures of the nominal run that are looked at
@@ -39,9 +36,19 @@ class IKCell(OneArmCell[IKCellConfig]):
         solver: The feedback law of the cell.
     """
 
+    config_type: ClassVar = IKCellConfig
+
     start: Floats
     target: PoseTarget
     solver: FeedbackIK
+
+    @classmethod
+    def from_config(cls, config: IKCellConfig) -> IKCell:
+        """Build the arm, its target and law, and look at postures of the nominal run; raises as ``load_cell``."""
+        with located(f"{config.source}, arm"):
+            cell = cls.of(config, arm_from(config, config.arm))
+            cell.certify()
+        return cell
 
     @classmethod
     def of(cls, config: IKCellConfig, arm: Arm) -> IKCell:
@@ -99,13 +106,17 @@ class IKCell(OneArmCell[IKCellConfig]):
         """Smallest singular value (...) of the task's Jacobian at ``q`` (..., n): the ``solver``'s."""
         return self.solver.singular_value(q)
 
-    def pose_error(self, q: ArrayLike, row: int) -> Floats:
-        """From the tip at ``q`` (n,) to the target at ``row`` (two a tick), world axes: (6,) [m], rotation vector."""
-        T, target = self.arm.tip_pose(q), self.target
-        turn = Rotation.from_matrix(target.rotation[row] @ T[:3, :3].T).as_rotvec()
-        return np.concatenate([target.position[row] - T[:3, 3], turn])
+    @property
+    def error_scales(self) -> tuple[float, float]:
+        """What errors of position [m] and orientation [rad] are measured in."""
+        return self.config.error_scale_m, self.config.error_scale_rad
 
-    def check(self) -> None:
+    @property
+    def damping(self) -> float:
+        """Smallest singular value from which on the law is not damped."""
+        return self.config.law.damping
+
+    def certify(self) -> None:
         """Look at postures of the nominal run; nothing between them is certified.
 
         Raises:

@@ -9,8 +9,8 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.errors import PathError, UnknownNameError
 from armtempo.planners.cells._ik_cell import IKCell
-from armtempo.planners.geometry._pose_motions import JointMotion, smooth_step
-from armtempo.planners.ik._feedback import ranges_near_zero
+from armtempo.planners.geometry import JointMotion, smooth_step
+from armtempo.planners.ik import ranges_near_zero
 from armtempo.robots import Clearance
 
 TargetFamilyName = Literal["given", "smooth", "near-singular", "partly-unreachable"]

@@ -1,1 +1,21 @@
 """Where two arms collide: coordination charts certified between samples, clearance tables."""
+
+from __future__ import annotations
+
+from armtempo.planners.charts._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
+from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, ChartRegion, CoordinationChart
+from armtempo.planners.charts._path_certificate import check_path
+from armtempo.planners.charts._regions import HERE, limit_at
+
+__all__ = [
+    "BLOCKED",
+    "ChartRegion",
+    "ClearanceTable",
+    "CoordinationChart",
+    "FREE",
+    "HERE",
+    "check_path",
+    "clearance_table",
+    "limit_at",
+    "tabulated_clearance",
+]

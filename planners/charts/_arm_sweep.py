@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, njit
 
 OVERSAMPLING = 16  # path samples per smallest interval
@@ -38,7 +38,7 @@ class ArmSweep:
     step: float
 
     @classmethod
-    def of(cls, arm: Arm, path: JointPath, finest: int) -> ArmSweep:
+    def of(cls, arm: Arm, path: AbstractJointPath, finest: int) -> ArmSweep:
         station = np.linspace(0.0, path.length, OVERSAMPLING * finest + 1)
         return cls(
             arm=arm,
@@ -103,7 +103,7 @@ class ArmSweep:
         return self._levels([shape.points for shape in self.arm.shapes])
 
 
-def swept_displacements(arm: Arm, path: JointPath, finest: int) -> dict[int, Floats]:
+def swept_displacements(arm: Arm, path: AbstractJointPath, finest: int) -> dict[int, Floats]:
     """How far, at most, any point of an arm gets from its place at the centre of each of 1, 2, 4, ... intervals."""
     moves = ArmSweep.of(arm, path, finest).shape_moves
     return {cells: own.max(axis=1, initial=0.0) for cells, own in moves.items()}

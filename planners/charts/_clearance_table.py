@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.planners._disk_cache import Arrays, cached, content_key, motion_content
+from armtempo.cache import Arrays, cached, content_key
 from armtempo.planners.charts._arm_sweep import world_axes
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.charts._motion_content import motion_content
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, Bodies, njit, pack_bodies, separation
 from armtempo.robots import _kernels as kernels
 
@@ -32,7 +33,7 @@ class ClearanceTable(NamedTuple):
 
 
 def clearance_table(
-    i: int, j: int, arms: tuple[Arm, ...], paths: tuple[JointPath, ...], exact_below: float
+    i: int, j: int, arms: tuple[Arm, ...], paths: tuple[AbstractJointPath, ...], exact_below: float
 ) -> ClearanceTable:
     """Tabulate the distance of arms i and j [m], as ``Clearance`` would answer at every node.
 

@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from armtempo.arrays import Bools, Floats, Ints
+from armtempo.cache import Arrays, cached, content_key
 from armtempo.errors import InputError
-from armtempo.planners._disk_cache import Arrays, cached, content_key, motion_content
 from armtempo.planners.charts._arm_sweep import ArmSweep
+from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import BLOCKED, FREE, UNDECIDED, certify
 from armtempo.planners.charts._walk import free_along, passable
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm
 
 __all__ = ["BLOCKED", "FREE", "UNDECIDED", "ChartRegion", "CoordinationChart"]
@@ -69,9 +70,9 @@ class CoordinationChart:
     def build(
         cls,
         arm_a: Arm,
-        path_a: JointPath,
+        path_a: AbstractJointPath,
         arm_b: Arm,
-        path_b: JointPath,
+        path_b: AbstractJointPath,
         d_min: float,
         tolerance: float,
         *,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from armtempo.errors import CollisionError
 from armtempo.planners.charts._arm_sweep import swept_displacements
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, Clearance
 
 FINEST_STATION = 2**-10  # share of a path's length to which obstacles and self-collision are certified
 
 
 def check_path(
-    clearance: Clearance, i: int, arm: Arm, path: JointPath, *, obstacle_distance: float | None = None
+    clearance: Clearance, i: int, arm: Arm, path: AbstractJointPath, *, obstacle_distance: float | None = None
 ) -> None:
     """Certify the path of arm i of ``clearance`` against the arm's own links, and against obstacles.
 

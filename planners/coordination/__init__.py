@@ -1,1 +1,47 @@
 """When arms move: bounds, delays, intervals, velocity control, precedence, on charts and planes alone."""
+
+from __future__ import annotations
+
+from armtempo.planners.coordination._best_responses import optimal, prioritised, respond
+from armtempo.planners.coordination._guard import BrakingGuard
+from armtempo.planners.coordination._interval_search import FULL, IntervalSearch
+from armtempo.planners.coordination._makespan_bound import (
+    MakespanBound,
+    PairBound,
+    PriorityClass,
+    makespan_bound,
+    pair_bound,
+)
+from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
+from armtempo.planners.coordination._precedence import Precedence
+from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
+from armtempo.planners.coordination._time_windows import pair_is_free
+from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
+from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_vci
+
+__all__ = [
+    "BrakingGuard",
+    "FULL",
+    "IntervalSearch",
+    "MakespanBound",
+    "Motions",
+    "PairBound",
+    "PassingOrders",
+    "PassingRegion",
+    "Precedence",
+    "PriorityClass",
+    "TimingProblem",
+    "VciPlan",
+    "VelocityControl",
+    "delayed",
+    "makespan",
+    "makespan_bound",
+    "offset",
+    "one_by_one",
+    "optimal",
+    "pair_bound",
+    "pair_is_free",
+    "plan_vci",
+    "prioritised",
+    "respond",
+]

@@ -16,15 +16,14 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners.charts._coordination_chart import CoordinationChart
+from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination._interval_search import COARSE, FULL, Stage
 from armtempo.planners.coordination._makespan_bound import guide_path
 from armtempo.planners.coordination._start_delays import delayed, offset, start_offset
 from armtempo.planners.coordination._stop_and_go import stop_and_go
 from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
-from armtempo.planners.topp._phase_plane import EXCESS
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import EXCESS, PhaseTrajectory
 
 CLOSE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
 WORTH = 1e-4  # smallest gain of a round of best responses, as a share of the makespan

@@ -13,8 +13,8 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.planners.coordination._precedence import Precedence
-from armtempo.planners.topp._kernels_all import Edges, Rows, run
-from armtempo.planners.topp._phase_plane import Mode, PhasePlane
+from armtempo.planners.topp import Mode, PhasePlane
+from armtempo.planners.topp.kernels import Edges, Rows, run
 from armtempo.robots import njit
 
 MARGIN = 1e-7  # of lambda: how far behind a limit an arm is kept

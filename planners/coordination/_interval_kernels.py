@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners.topp._kernels_all import Rows
+from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
 LABELS = 12  # intervals kept per state; the latest are dropped

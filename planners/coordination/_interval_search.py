@@ -19,9 +19,8 @@ from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError
 from armtempo.planners.coordination._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
 from armtempo.planners.coordination._time_windows import Occupancy, Runs, forbidden_windows
-from armtempo.planners.topp._kernels_all import Rows
-from armtempo.planners.topp._phase_plane import EXCESS, PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
 FINEST = 1200  # intervals between stations at most

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, CoordinationChart
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.charts import BLOCKED, FREE, CoordinationChart
+from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
 PriorityClass = Literal["free", "uniform", "mixed", "infeasible"]

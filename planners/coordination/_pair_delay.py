@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners.charts._coordination_chart import CoordinationChart
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.charts import CoordinationChart
+from armtempo.planners.topp import PhaseTrajectory
 
 RELEASE_MARGIN = 1e-5  # [s] added to a start delay, so that the motion passes beside the corner of a chart cell
 

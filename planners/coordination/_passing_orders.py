@@ -14,8 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,11 +22,8 @@ from scipy import ndimage
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError
-from armtempo.planners.charts._coordination_chart import CoordinationChart
+from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination._precedence import Precedence
-
-if TYPE_CHECKING:
-    from armtempo.planners.cells._coordination_cell import Cell
 
 Orders = NDArray[np.int8]
 
@@ -86,14 +82,6 @@ class PassingOrders:
                 )  # fmt: skip
         resolutions.setflags(write=False)
         return cls(lengths=tuple(lengths), resolutions=resolutions, regions=tuple(regions))
-
-    @classmethod
-    def of_cell(cls, cell: Cell, extra_clearance: float = 0.0) -> PassingOrders:
-        """The regions of all pairs, at the planned clearance and so much more [m]."""
-        lengths = [path.length for path in cell.paths]
-        clearance = cell.planned_clearance + extra_clearance
-        pairs = combinations(range(len(lengths)), 2)
-        return cls.of_charts(lengths, {(a, b): cell.chart_at(a, b, clearance) for a, b in pairs})
 
     def of_ranks(self, order: Sequence[int]) -> Orders:
         """The earlier arm in ``order`` passes first everywhere."""

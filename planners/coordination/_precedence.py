@@ -25,24 +25,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import TYPE_CHECKING, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners.charts._coordination_chart import FREE, CoordinationChart
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.charts import FREE, CoordinationChart, limit_at
+from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
-if TYPE_CHECKING:
-    from armtempo.planners.schedules._schedule import Schedule
-
-
 INSTANT = 1e-9  # share of the makespan: passes nearer in time than this are in time (rounding of a tight plan)
-HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 
 
 @njit
@@ -206,24 +200,6 @@ class Precedence:
             remedy="choose another passing order",
             cycle=tuple(cycle),
         )
-
-
-def limit_at(limit: Floats, length: float, lam: Floats) -> Floats:
-    """A limit over the cells of a path of ``length`` at places ``lam`` (any shape)."""
-    cells = len(limit)
-    cell = np.clip((lam * (cells / length) - HERE).astype(np.int64), 0, cells - 1)
-    return limit[cell]
-
-
-def precedence(plan: Schedule) -> Precedence:
-    """What a schedule decides about who passes first.
-
-    Raises:
-        InfeasibleError: It leads two arms through a cell of their chart that is not free.
-    """
-    cell = plan.cell
-    pairs = combinations(range(len(plan.trajectories)), 2)
-    return Precedence.of_motions(plan.trajectories, {(i, j): cell.chart_between(i, j) for i, j in pairs})
 
 
 def _name(motions: Sequence[PhaseTrajectory], i: int) -> str:

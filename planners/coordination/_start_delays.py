@@ -20,7 +20,7 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners.coordination._pair_delay import pair_delay
 from armtempo.planners.coordination._time_windows import Occupancy
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import PhaseTrajectory
 
 
 def delayed(problem: TimingProblem, motions: Motions, order: tuple[int, ...]) -> Motions:

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
-from armtempo.planners.charts._coordination_chart import FREE, CoordinationChart
-from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.charts import FREE, CoordinationChart
+from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory
 from armtempo.robots import njit
 
 COARSEST = 512  # cells along each side, tried first

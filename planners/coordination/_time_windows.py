@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats, Ints
-from armtempo.planners.charts._coordination_chart import FREE, CoordinationChart
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.charts import FREE, CoordinationChart
+from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
 MARGIN = 1e-5  # [s] by which windows are widened, so that motions pass beside the corners of cells

@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners.charts._coordination_chart import CoordinationChart
+from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination._interval_search import IntervalSearch
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
@@ -22,8 +22,7 @@ from armtempo.planners.coordination._makespan_bound import (
 )
 from armtempo.planners.coordination._pair_delay import pair_delay
 from armtempo.planners.coordination._time_windows import Runs, blocked_runs, pair_is_free
-from armtempo.planners.topp._phase_plane import PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 
 Charts = Callable[[int, int], CoordinationChart]
 Motions = tuple[PhaseTrajectory, ...]

@@ -51,12 +51,10 @@ from scipy import ndimage
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners.charts._coordination_chart import FREE, CoordinationChart
+from armtempo.planners.charts import FREE, HERE, CoordinationChart
 from armtempo.planners.coordination._guard import MARGIN, horizon, largest_behind, places, stays_behind, step
-from armtempo.planners.coordination._precedence import HERE
-from armtempo.planners.topp._kernels_all import Edges, Rows
-from armtempo.planners.topp._phase_plane import Mode, PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import Mode, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp.kernels import Edges, Rows
 from armtempo.robots import njit
 
 FINEST_CHECK = 0.0001  # [s] C is asked at least this often

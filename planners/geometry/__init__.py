@@ -1,1 +1,38 @@
 """Points, poses and paths in space: lines, arcs, targets over time, waypoint files."""
+
+from __future__ import annotations
+
+from armtempo.planners.geometry._cartesian_path import (
+    NOTHING,
+    TANGENT_TOLERANCE,
+    Arc,
+    CartesianPath,
+    Line,
+    Segment,
+    floats,
+)
+from armtempo.planners.geometry._pose_matrix import pose_matrix, rpy_matrix
+from armtempo.planners.geometry._pose_motions import JointMotion, harmonic, smooth_step, through_poses
+from armtempo.planners.geometry._pose_target import Motion, PoseTarget
+from armtempo.planners.geometry._range_max import RangeMax
+from armtempo.planners.geometry._waypoint_file import read_waypoints
+
+__all__ = [
+    "Arc",
+    "CartesianPath",
+    "JointMotion",
+    "Line",
+    "Motion",
+    "NOTHING",
+    "PoseTarget",
+    "RangeMax",
+    "Segment",
+    "TANGENT_TOLERANCE",
+    "floats",
+    "harmonic",
+    "pose_matrix",
+    "read_waypoints",
+    "rpy_matrix",
+    "smooth_step",
+    "through_poses",
+]

@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
-from armtempo.planners.geometry._cartesian_path import floats
-from armtempo.planners.geometry._pose_target import PoseTarget
+from armtempo.planners.geometry import PoseTarget, floats
 from armtempo.planners.ik import _kernels_all as loops
 from armtempo.planners.ik._feedback import FeedbackIK, IKBounds, IKGains, IKRun, TaskName
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK

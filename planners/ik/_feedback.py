@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError, RobotError
-from armtempo.planners.geometry._cartesian_path import floats
-from armtempo.planners.geometry._pose_target import PoseTarget
+from armtempo.planners.geometry import PoseTarget, floats
 from armtempo.planners.ik import _kernels_all as loops
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 from armtempo.robots import Arm

@@ -1,1 +1,36 @@
 """Random cells, the benchmark set, instance files and the bench over them."""
+
+from __future__ import annotations
+
+from armtempo.planners.instances._bench import BenchResult, Claim, bench_cell, bench_claims
+from armtempo.planners.instances._benchmark_set import SPLITS, BenchmarkInstance, benchmark_instances, draw_benchmark
+from armtempo.planners.instances._generator import (
+    FAMILIES,
+    CellLabels,
+    GeneratedCell,
+    cell_name,
+    generate_cell,
+    label_cell,
+)
+from armtempo.planners.instances._instance_file import PLANNED, Instance, load_instance, save_instance
+
+__all__ = [
+    "BenchResult",
+    "BenchmarkInstance",
+    "CellLabels",
+    "Claim",
+    "FAMILIES",
+    "GeneratedCell",
+    "Instance",
+    "PLANNED",
+    "SPLITS",
+    "bench_cell",
+    "bench_claims",
+    "benchmark_instances",
+    "cell_name",
+    "draw_benchmark",
+    "generate_cell",
+    "label_cell",
+    "load_instance",
+    "save_instance",
+]

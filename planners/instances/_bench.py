@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from armtempo.errors import InfeasibleError
-from armtempo.planners.cells._coordination_cell import Cell
+from armtempo.planners.cells import CoordinationCell
 from armtempo.planners.instances._generator import CellLabels
-from armtempo.planners.schedules._audit import Engine, audit_clearance
-from armtempo.planners.schedules._schedule import Schedule, schedule
+from armtempo.planners.schedules import Engine, Schedule, audit_clearance, schedule
 
 ORDERED = ("constant-speed", "constant-acceleration", "delay", "vci", "offset", "interval")  # look at one order only
 EXCESS = 1e-3  # share of a limit that plans may exceed between stations
@@ -81,7 +80,7 @@ class BenchResult:
 
 
 def bench_cell(
-    cell: Cell, labels: CellLabels, methods: Sequence[str], *, engine: Engine | None, family: str = ""
+    cell: CoordinationCell, labels: CellLabels, methods: Sequence[str], *, engine: Engine | None, family: str = ""
 ) -> list[BenchResult]:
     """Plan a cell by every method, and audit the plans.
 

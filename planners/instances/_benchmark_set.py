@@ -12,8 +12,7 @@ from typing import Any, Literal, final, get_args
 
 from armtempo.configs import CellConfig, data_path
 from armtempo.errors import UnknownNameError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.cells._load import build_cell
+from armtempo.planners.cells import CoordinationCell, build_cell
 from armtempo.planners.instances._generator import CellLabels, config_of, generate_cell
 
 Split = Literal["train", "validation", "test"]
@@ -51,7 +50,7 @@ class BenchmarkInstance:
         """The checked cell file."""
         return config_of(self.name, self.data)
 
-    def build(self) -> Cell:
+    def build(self) -> CoordinationCell:
         """Build and certify the cell; raises as ``build_cell``."""
         return build_cell(self.config)
 

@@ -20,11 +20,8 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.configs import CellConfig, parse_cell_config
 from armtempo.errors import ArmtempoError, CollisionError, InfeasibleError, InputError, PathError, UnknownNameError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.cells._load import build_cell
-from armtempo.planners.coordination._best_responses import optimal
-from armtempo.planners.coordination._makespan_bound import PriorityClass
-from armtempo.planners.coordination._time_windows import pair_is_free
+from armtempo.planners.cells import CoordinationCell, build_cell
+from armtempo.planners.coordination import PriorityClass, optimal, pair_is_free
 
 Status = Literal["feasible", "certified infeasible", "undecided"]
 
@@ -44,7 +41,7 @@ class CellLabels:
             free cells; else one was found). ``certified infeasible``: the blocked cells alone leave no monotone
             timing. ``undecided``: neither is proven.
         monotone: Whether every pair's outer chart has a monotone path of free cells from both starts to both ends.
-        priority_class: ``free``, ``uniform``, ``mixed`` or ``infeasible``, as ``Cell.priority_class``.
+        priority_class: ``free``, ``uniform``, ``mixed`` or ``infeasible``, as ``CoordinationCell.priority_class``.
         holdable: Per arm whether it can stand still wherever it is on its path.
         lower_bound: Certified lower bound on the makespan [s]; infinite if there is no timing.
         minimum_times: Per arm [s].
@@ -119,12 +116,12 @@ class GeneratedCell:
     seed: int
     index: int
     data: Mapping[str, Any]
-    cell: Cell
+    cell: CoordinationCell
     labels: CellLabels
     rejected: Mapping[str, int]
 
 
-def label_cell(cell: Cell) -> CellLabels:
+def label_cell(cell: CoordinationCell) -> CellLabels:
     """Status, class, bound, and what else is known of a cell. Charts are built if they are not yet.
 
     Cells of more than two arms, and arms that cannot hold still everywhere, are planned to find out.
@@ -148,7 +145,7 @@ def label_cell(cell: Cell) -> CellLabels:
     )
 
 
-def _has_plan(cell: Cell) -> bool:
+def _has_plan(cell: CoordinationCell) -> bool:
     try:
         optimal(cell.timing)
     except InfeasibleError:
@@ -224,7 +221,7 @@ def _reason(error: ArmtempoError) -> str:
     return "links of one arm touch" if "path of arm" in error.message else "the arms start or end too close"
 
 
-def _conflicts(cell: Cell) -> bool:
+def _conflicts(cell: CoordinationCell) -> bool:
     """Whether every arm meets some other if all move in minimum time from the start."""
     meeting = {
         arm
@@ -235,7 +232,7 @@ def _conflicts(cell: Cell) -> bool:
     return len(meeting) == len(cell.arms)
 
 
-def _well_posed(cell: Cell) -> bool:
+def _well_posed(cell: CoordinationCell) -> bool:
     """Whether minimum times settle as the grid gets finer; an arm that just gets past a place may take for ever there.
 
     What a torque limit exceeded by 0.05 % gains would be larger than any gap to the bound.

@@ -20,16 +20,11 @@ from numpy.typing import NDArray
 
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.files import whole_file
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.charts._coordination_chart import CoordinationChart
-from armtempo.planners.coordination._best_responses import optimal, prioritised
-from armtempo.planners.coordination._start_delays import delayed, offset
-from armtempo.planners.coordination._timing_problem import Motions, TimingProblem
-from armtempo.planners.coordination._vci import plan_vci
+from armtempo.planners.cells import CoordinationCell
+from armtempo.planners.charts import CoordinationChart
+from armtempo.planners.coordination import Motions, TimingProblem, delayed, offset, optimal, plan_vci, prioritised
 from armtempo.planners.instances._generator import CellLabels
-from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory
 
 VERSION = 1
 PLANNED = ("delay", "offset", "vci", "interval", "optimal")
@@ -56,7 +51,7 @@ class Instance:
     control_period: float
 
     @classmethod
-    def of(cls, cell: Cell, labels: CellLabels, *, family: str = "") -> Instance:
+    def of(cls, cell: CoordinationCell, labels: CellLabels, *, family: str = "") -> Instance:
         """A cell's planes, charts and bound motions, with no plan made yet."""
         return cls(
             name=cell.name,
@@ -118,7 +113,7 @@ def unpack_states(packed: NDArray[np.uint8], resolution: int) -> NDArray[np.uint
     return (low + 2 * high).reshape(resolution, resolution).astype(np.uint8)
 
 
-def save_instance(file: Path, cell: Cell, labels: CellLabels, *, family: str = "") -> None:
+def save_instance(file: Path, cell: CoordinationCell, labels: CellLabels, *, family: str = "") -> None:
     """Write a cell's charts, path coefficients, minimum-time motions of its bound and labels, whole or not at all."""
     arrays: dict[str, Any] = {}
     for i, (plane, (motion, share)) in enumerate(zip(cell.planes, cell.bound_motions, strict=True)):

@@ -1,1 +1,27 @@
 """Joint paths ``q = f(lambda)`` (Lee1991 eq. 2): through waypoints, and along Cartesian paths."""
+
+from __future__ import annotations
+
+from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
+from armtempo.planners.joint_paths._construct import JointPath
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath, PathTable, path_point
+from armtempo.planners.joint_paths._planar_pair import PlanarPair
+from armtempo.planners.joint_paths._pose_path import PosePath, Poses, TipPosePath
+from armtempo.planners.joint_paths._scara_path import ScaraPath
+from armtempo.planners.joint_paths._two_link_path import TwoLinkPath
+from armtempo.planners.joint_paths._waypoint_path import WaypointPath
+
+__all__ = [
+    "AbstractJointPath",
+    "CartesianJointPath",
+    "JointPath",
+    "PathTable",
+    "PlanarPair",
+    "PosePath",
+    "Poses",
+    "ScaraPath",
+    "TipPosePath",
+    "TwoLinkPath",
+    "WaypointPath",
+    "path_point",
+]

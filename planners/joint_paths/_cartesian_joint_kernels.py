@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners.ik._kernels_all import Scratch as ArmScratch
-from armtempo.planners.ik._kernels_all import scratch as arm_scratch
-from armtempo.planners.ik._kernels_all import tip_and_jacobian
+from armtempo.planners.ik.kernels import Scratch as ArmScratch
+from armtempo.planners.ik.kernels import scratch as arm_scratch
+from armtempo.planners.ik.kernels import tip_and_jacobian
 from armtempo.robots import ArmModel, njit
 
 __all__ = ["Reference", "Scratch", "follow", "scratch", "speed_bounds"]

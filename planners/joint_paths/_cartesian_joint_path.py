@@ -21,13 +21,11 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError, PathError, RobotError
-from armtempo.planners.geometry._pose_target import PoseTarget
-from armtempo.planners.geometry._range_max import RangeMax
-from armtempo.planners.ik._feedback import FeedbackIK, IKGains, IKRun
-from armtempo.planners.ik._kernels_all import LIMIT
-from armtempo.planners.ik._spherical_wrist import SphericalWristIK
+from armtempo.planners.geometry import PoseTarget, RangeMax
+from armtempo.planners.ik import FeedbackIK, IKGains, IKRun, SphericalWristIK
+from armtempo.planners.ik.kernels import LIMIT
 from armtempo.planners.joint_paths import _cartesian_joint_kernels as loops
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import check_position_limits
 from armtempo.planners.joint_paths._pose_path import PosePath, TipSegments, as_pose_path
 from armtempo.robots import Arm
@@ -50,7 +48,7 @@ ATTRACTION = 2.0  # [1/m] at which a redundant arm is drawn to its posture
 
 
 @final
-class CartesianJointPath(JointPath):
+class CartesianJointPath(AbstractJointPath):
     """Joints whose tip follows a Cartesian path: lines, arcs, chains of them, blended corners, or poses of your own.
 
     An arm with six joints keeps position and orientation. One with more also moves its spare joints, as little as it

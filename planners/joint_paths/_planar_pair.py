@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import PathError, UnknownNameError
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.robots import Arm
 
 Elbow = Literal["positive", "negative"]
@@ -263,7 +263,7 @@ def _halves(low: Floats, high: Floats, chosen: Bools) -> tuple[Floats, Floats]:
     return np.concatenate([low, middle]), np.concatenate([middle, high])
 
 
-def check_position_limits(arm: Arm, path: JointPath, station: Floats) -> None:
+def check_position_limits(arm: Arm, path: AbstractJointPath, station: Floats) -> None:
     """Check the joints along a path: at stations (K,) [m] and, where its speed bounds leave a doubt, between them.
 
     Raises:

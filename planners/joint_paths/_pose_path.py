@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners.blends._blend import Blend
-from armtempo.planners.blends._blended_path import BlendedPath
-from armtempo.planners.geometry._cartesian_path import Arc, CartesianPath, Line, Segment
+from armtempo.planners.blends import Blend, BlendedPath
+from armtempo.planners.geometry import Arc, CartesianPath, Line, Segment
 
 __all__ = ["PosePath", "Poses", "TipPosePath", "TipSegments", "as_pose_path"]
 

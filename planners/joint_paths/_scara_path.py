@@ -17,14 +17,14 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.errors import PathError
-from armtempo.planners.blends._blended_path import BlendedPath
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.blends import BlendedPath
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import Elbow, PlanarPair, TipPath, check_position_limits, whole_turns
 from armtempo.robots import Arm
 
 
 @final
-class ScaraPath(JointPath):
+class ScaraPath(AbstractJointPath):
     """The joint path of a SCARA whose tip follows a Cartesian path.
 
     The wrist is at zero at the start (or whole turns from it, where its range asks for that), and the tool keeps that

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
 from armtempo.errors import PathError
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import Elbow, PlanarPair, TipPath, check_position_limits
 from armtempo.robots import Arm
 
 
 @final
-class TwoLinkPath(JointPath):
+class TwoLinkPath(AbstractJointPath):
     """The joint path of a planar two-joint arm whose tip follows a Cartesian path.
 
     Args:

@@ -19,8 +19,8 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
-from armtempo.planners.geometry._range_max import RangeMax
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.geometry import RangeMax
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.robots import Arm, njit
 
 Ends = Literal["natural", "not-a-knot"]
@@ -45,7 +45,7 @@ def _evaluate(knots: Floats, c: Floats, lam: Floats, q: Floats, dq: Floats, ddq:
 
 
 @final
-class WaypointPath(JointPath):
+class WaypointPath(AbstractJointPath):
     """A C2 cubic spline through joint positions. Usually made by ``JointPath.through``.
 
     Args:

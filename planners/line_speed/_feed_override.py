@@ -15,10 +15,9 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners.blends._blend import Blend
-from armtempo.planners.blends._blended_path import BlendedPath
-from armtempo.planners.blends._kernels_all import PackedPath, blended_point
-from armtempo.planners.geometry._cartesian_path import Arc, CartesianPath, Line
+from armtempo.planners.blends import Blend, BlendedPath
+from armtempo.planners.blends.kernels import PackedPath, blended_point
+from armtempo.planners.geometry import Arc, CartesianPath, Line
 from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.cells import CoordinationCell
+from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import Arm, Shape
 
 Engine = Literal["coal", "pybullet"]
@@ -64,7 +64,7 @@ def default_engine() -> Engine:
 
 
 def audit_clearance(
-    cell: Cell,
+    cell: CoordinationCell,
     motions: Sequence[PhaseTrajectory],
     *,
     engine: Engine | None = None,

@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from itertools import permutations
 
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.coordination._best_responses import respond
-from armtempo.planners.coordination._interval_search import FULL
-from armtempo.planners.coordination._time_windows import pair_is_free
-from armtempo.planners.coordination._timing_problem import Motions, makespan
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.cells import CoordinationCell
+from armtempo.planners.coordination import FULL, Motions, makespan, pair_is_free, respond
+from armtempo.planners.topp import PhaseTrajectory
 
 MOST_ORDERS = 6  # of the arms that answer
 
 
-def clairvoyant(cell: Cell, given: Mapping[int, PhaseTrajectory]) -> Motions:
+def clairvoyant(cell: CoordinationCell, given: Mapping[int, PhaseTrajectory]) -> Motions:
     """The earliest that the other arms can arrive around motions that are ``given``, disturbances and all.
 
     A policy sees a disturbance when it happens; this knows it beforehand, so the difference is its regret. The given

@@ -8,12 +8,11 @@ from typing import Protocol, final
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.coordination._guard import BrakingGuard
-from armtempo.planners.coordination._precedence import precedence
+from armtempo.planners.cells import CoordinationCell
+from armtempo.planners.coordination import BrakingGuard
 from armtempo.planners.schedules._schedule import Schedule
-from armtempo.planners.topp._kernels_all import Edges, Rows, run
-from armtempo.planners.topp._phase_plane import Mode
+from armtempo.planners.topp import Mode
+from armtempo.planners.topp.kernels import Edges, Rows, run
 from armtempo.robots import njit
 
 NEAR = 1e-6  # of a path: places are known to this (observations are float32)
@@ -34,7 +33,7 @@ class Execution(Protocol):
         ...
 
 
-def checks_per_period(cell: Cell) -> int:
+def checks_per_period(cell: CoordinationCell) -> int:
     """How often per control period limits are asked: whole parts of its ticks."""
     return cell.ticks_per_period * max(round(cell.physics_tick / FINEST_CHECK), 1)
 
@@ -98,7 +97,7 @@ class ScheduleExecution:
         cell = plan.cell
         self.plan = plan
         self.mode: Mode = mode
-        self.precedence = precedence(plan)
+        self.precedence = plan.precedence
         self._period, self._ticks, self._tick = cell.control_period, cell.ticks_per_period, cell.physics_tick
         self._guard = BrakingGuard(cell.planes, self.precedence, self._period, mode, checks_per_period(cell))
         limits = self.precedence.limits

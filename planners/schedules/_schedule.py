@@ -18,17 +18,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.coordination._best_responses import optimal, prioritised
-from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
-from armtempo.planners.coordination._vci import VciPlan, plan_vci
-from armtempo.planners.topp._phase_plane import EXCESS, PhasePlane
-from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.planners.cells import CoordinationCell, as_cell
+from armtempo.planners.coordination import (
+    Precedence,
+    VciPlan,
+    delayed,
+    offset,
+    one_by_one,
+    optimal,
+    plan_vci,
+    prioritised,
+)
+from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
 
 AUDIT_PERIOD = 0.0002  # [s] between FCL distances in a certificate
 
@@ -67,7 +74,7 @@ class Schedule:
     """
 
     method: str
-    cell: Cell
+    cell: CoordinationCell
     trajectories: tuple[PhaseTrajectory, ...]
     order: tuple[int, ...]
     vci: VciPlan | None = None
@@ -88,6 +95,17 @@ class Schedule:
     def gap_percent(self) -> float:
         """(makespan - lower bound) / lower bound, in percent."""
         return 100.0 * (self.makespan / self.lower_bound - 1.0)
+
+    @cached_property
+    def precedence(self) -> Precedence:
+        """What it decides about who passes first.
+
+        Raises:
+            InfeasibleError: It leads two arms through a cell of their chart that is not free.
+        """
+        pairs = combinations(range(len(self.trajectories)), 2)
+        charts = {(i, j): self.cell.chart_between(i, j) for i, j in pairs}
+        return Precedence.of_motions(self.trajectories, charts)
 
     @cached_property
     def certificate(self) -> ScheduleCertificate:
@@ -137,41 +155,41 @@ class Schedule:
         return covered(0.0, self.makespan, 24)
 
 
-def _sequential(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _sequential(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     motions, order = one_by_one(cell.timing, order)
     return Schedule(method="sequential", cell=cell, trajectories=motions, order=order)
 
 
-def _delay(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _delay(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     motions = delayed(cell.timing, cell.fastest, order)
     return Schedule(method="delay", cell=cell, trajectories=motions, order=order)
 
 
-def _offset(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _offset(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     return Schedule(method="offset", cell=cell, trajectories=offset(cell.timing, order), order=order)
 
 
-def _interval(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _interval(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     return Schedule(method="interval", cell=cell, trajectories=prioritised(cell.timing, order), order=order)
 
 
-def _optimal(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _optimal(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     motions, found = optimal(cell.timing)
     return Schedule(method="optimal", cell=cell, trajectories=motions, order=found)
 
 
-def _constant_speed(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _constant_speed(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     return _trapezoidal(cell, order, "constant-speed")
 
 
-def _constant_acceleration(cell: Cell, order: tuple[int, ...]) -> Schedule:
+def _constant_acceleration(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     return _trapezoidal(cell, order, "constant-acceleration")
 
 
 _RAMPS = {"constant-speed": 0.25, "constant-acceleration": 0.5}
 
 
-def _trapezoidal(cell: Cell, order: tuple[int, ...], method: str) -> Schedule:
+def _trapezoidal(cell: CoordinationCell, order: tuple[int, ...], method: str) -> Schedule:
     motions = delayed(cell.timing, tuple(_trapezoid(plane, _RAMPS[method]) for plane in cell.planes), order)
     return Schedule(method=method, cell=cell, trajectories=motions, order=order)
 
@@ -215,7 +233,7 @@ def _first_root(square: Floats, linear: Floats, value: Floats) -> Floats:
     return first
 
 
-def _vci(cell: Cell, order: tuple[int, ...], period: float) -> Schedule:
+def _vci(cell: CoordinationCell, order: tuple[int, ...], period: float) -> Schedule:
     try:
         motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
         if not cell.timing.is_free(motions):
@@ -252,11 +270,13 @@ _PLANNERS: dict[str, Callable[..., Schedule]] = {  # in the order in which table
 METHODS = tuple(_PLANNERS)
 
 
-def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, period: float | None = None) -> Schedule:
+def schedule(
+    cell: CoordinationCell | str | Path, method: str, *, order: Sequence[int] | None = None, period: float | None = None
+) -> Schedule:
     """Plan when every arm of a cell moves.
 
     Args:
-        cell: Arms on their paths, the first with priority.
+        cell: Arms on their paths, the first with priority; or a bundled name or file to build it from.
         method: One of ``METHODS``.
         order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
             is safe, ``optimal`` does without it.
@@ -269,6 +289,7 @@ def schedule(cell: Cell, method: str, *, order: Sequence[int] | None = None, per
         InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
+    cell = as_cell(cell, CoordinationCell)
     if method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
     if period is not None and method != "vci":

@@ -10,12 +10,11 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners.cells._coordination_cell import Cell
-from armtempo.planners.coordination._precedence import precedence
-from armtempo.planners.coordination._vci import VelocityControl
+from armtempo.planners.cells import CoordinationCell
+from armtempo.planners.coordination import VelocityControl
 from armtempo.planners.schedules._execution import Execution, ScheduleExecution, checks_per_period, foresee
 from armtempo.planners.schedules._schedule import Schedule
-from armtempo.planners.topp._phase_plane import Mode
+from armtempo.planners.topp import Mode
 
 AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 
@@ -24,7 +23,7 @@ AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 class _Slave:
     """One arm behind all those of higher priority."""
 
-    def __init__(self, cell: Cell, order: tuple[int, ...], place: int, mode: Mode) -> None:
+    def __init__(self, cell: CoordinationCell, order: tuple[int, ...], place: int, mode: Mode) -> None:
         self.arm, self.before = order[place], order[:place]
         self.control = VelocityControl(
             slave=cell.planes[self.arm],
@@ -53,7 +52,7 @@ class VciExecution:
         order: The arms, the highest priority first; None: as in the cell.
     """
 
-    def __init__(self, cell: Cell, mode: Mode = "speed", order: tuple[int, ...] | None = None) -> None:
+    def __init__(self, cell: CoordinationCell, mode: Mode = "speed", order: tuple[int, ...] | None = None) -> None:
         self.cell = cell
         self.mode: Mode = mode
         self.order = tuple(range(len(cell.arms))) if order is None else tuple(order)
@@ -117,7 +116,7 @@ def execution_of(plan: Schedule, mode: Mode = "speed") -> Execution:
         InfeasibleError: The schedule leads arms through cells of their charts that are not free.
     """
     if plan.method == "vci" and plan.fallback is None:
-        limits = precedence(plan).limits
+        limits = plan.precedence.limits
         ahead = (limits[pair] for pair in combinations(plan.order, 2) if pair in limits)
         if not any(np.isfinite(limit).any() for limit in ahead):
             return VciExecution(plan.cell, mode, plan.order)

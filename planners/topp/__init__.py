@@ -1,1 +1,26 @@
 """Minimum time along one joint path: path dynamics, phase plane, trajectories (Lee1991 section 2.2)."""
+
+from __future__ import annotations
+
+from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
+from armtempo.planners.topp._path_dynamics import PathDynamics
+from armtempo.planners.topp._phase_plane import EXCESS, Mode, PhasePlane, minimum_time, refined_plane
+from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
+from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
+
+__all__ = [
+    "EXCESS",
+    "Island",
+    "JointTrajectory",
+    "Mode",
+    "MotionCertificate",
+    "PathDynamics",
+    "PhaseDiagnostics",
+    "PhasePlane",
+    "PhaseTrajectory",
+    "diagnose",
+    "minimum_time",
+    "read_trajectory",
+    "refined_plane",
+    "write_trajectory",
+]

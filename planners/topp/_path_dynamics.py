@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError
-from armtempo.planners.joint_paths._joint_path import JointPath
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm
 from armtempo.robots import _kernels as kernels
 
@@ -72,7 +72,7 @@ def _graded(intervals: int) -> Floats:
     return np.asarray(np.where(t < 0.5, inside, 1.0 - GRADED - inside) / (1.0 - GRADED))
 
 
-def _reversals(path: JointPath, joints: Bools) -> Floats:
+def _reversals(path: AbstractJointPath, joints: Bools) -> Floats:
     """Stations at which one of the ``joints`` turns back: Coulomb friction jumps there."""
     found = []
     for start, stop in zip(path.breakpoints[:-1], path.breakpoints[1:], strict=True):
@@ -162,7 +162,7 @@ class PathDynamics:
             raise InputError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
         self.joints = shape[1]
         self.arm: Arm | None = None
-        self.path: JointPath | None = None
+        self.path: AbstractJointPath | None = None
         self._torque_reserve = 0.0
         self._speed_cap: SpeedCap | None = None
 
@@ -170,7 +170,7 @@ class PathDynamics:
     def from_path(
         cls,
         arm: Arm,
-        path: JointPath,
+        path: AbstractJointPath,
         *,
         intervals: int = 1000,
         torque_reserve: float = 0.0,
@@ -208,7 +208,7 @@ class PathDynamics:
 
     @classmethod
     def _sampled(
-        cls, arm: Arm, path: JointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
+        cls, arm: Arm, path: AbstractJointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
     ) -> PathDynamics:
         """On a given grid, in which stations where coefficients jump appear twice."""
         q, dq, ddq = path.evaluate(grid)

@@ -16,7 +16,7 @@ from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent
 from armtempo.agents.training._export import agent_of
 from armtempo.envs import ENTRIES
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 SIZE = len(ENTRIES)
 
@@ -170,7 +170,7 @@ def test_names(tmp_path: Path) -> None:
         assert find_agent(name).header.curve
 
 
-def test_an_agent_at_full_speed_is_the_minimum_time_policy(lee1991: Cell, tmp_path: Path) -> None:
+def test_an_agent_at_full_speed_is_the_minimum_time_policy(lee1991: CoordinationCell, tmp_path: Path) -> None:
     """Alone for the slave and for all arms alike; braking ones do not arrive."""
     names = []
     for learners in ("last", "all"):
@@ -182,7 +182,7 @@ def test_an_agent_at_full_speed_is_the_minimum_time_policy(lee1991: Cell, tmp_pa
         assert result[name].reward == result["phase-plane"].reward
 
 
-def test_a_slave_drives_the_last_arm_alone(lee1991: Cell, tmp_path: Path) -> None:
+def test_a_slave_drives_the_last_arm_alone(lee1991: CoordinationCell, tmp_path: Path) -> None:
     save_agent(tmp_path / "stays.npz", constant(-1.0))
     name = f"ppo:{tmp_path / 'stays.npz'}"
     result = evaluate(lee1991, [name], physics="ideal").results[name]
@@ -191,7 +191,7 @@ def test_a_slave_drives_the_last_arm_alone(lee1991: Cell, tmp_path: Path) -> Non
     assert (result.finished, result.makespan_s, result.makespan_interval_s) == (0, None, None)
 
 
-def test_agents_for_something_else_are_refused(lee1991: Cell, tmp_path: Path) -> None:
+def test_agents_for_something_else_are_refused(lee1991: CoordinationCell, tmp_path: Path) -> None:
     for changes, message in (
         ({"environment": "feedback-ik"}, "not of coordination"),
         ({"settings": {"mode": "acceleration"}}, "mode acceleration"),

@@ -12,12 +12,12 @@ import pytest
 
 from armtempo.agents import ExecutionPolicy, Policy, make_policy, run_episode
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import METHODS, Cell, Schedule, ScheduleExecution, VciExecution, plan_vci
+from armtempo.planners import METHODS, CoordinationCell, Schedule, ScheduleExecution, VciExecution, plan_vci
 
 coal: Any = import_module("coal")  # it tells type checkers nothing
 
 
-def least_distance(cell: Cell, q: list[np.ndarray], rows: np.ndarray) -> float:
+def least_distance(cell: CoordinationCell, q: list[np.ndarray], rows: np.ndarray) -> float:
     """Smallest distance of two arms by coal, pair by pair of capsules, at ``rows`` of joint positions (T, n)."""
     bodies = []
     for arm, positions in zip(cell.arms, q, strict=True):
@@ -39,7 +39,7 @@ def least_distance(cell: Cell, q: list[np.ndarray], rows: np.ndarray) -> float:
     return float(least)
 
 
-def audit(cell: Cell, policy: Policy, late: float) -> float:
+def audit(cell: CoordinationCell, policy: Policy, late: float) -> float:
     """The least distance of an executed episode, at ten times the control rate or oftener."""
     env = CoordinationEnv(cell, physics="bullet", master_late_s=late, record=True)
     trace, _ = run_episode(env, policy, 0)
@@ -54,18 +54,18 @@ def audit(cell: Cell, policy: Policy, late: float) -> float:
 
 @pytest.mark.parametrize("late", [0.0, 0.1])
 @pytest.mark.parametrize("name", [name for name in METHODS if name != "sequential"])
-def test_schedules_of_the_paper(lee1991: Cell, name: str, late: float) -> None:
+def test_schedules_of_the_paper(lee1991: CoordinationCell, name: str, late: float) -> None:
     assert audit(lee1991, make_policy(name, lee1991), late) >= lee1991.d_min
 
 
-def test_three_arms_in_two_ways(trio: Cell) -> None:
+def test_three_arms_in_two_ways(trio: CoordinationCell) -> None:
     motions, _ = plan_vci(trio.planes, trio.chart_between, (0, 1, 2), trio.control_period)
     plan = Schedule(method="vci", cell=trio, trajectories=motions, order=(0, 1, 2))
     for policy in (ExecutionPolicy(partial(ScheduleExecution, plan)), ExecutionPolicy(partial(VciExecution, trio))):
         assert audit(trio, policy, 0.05) >= trio.d_min
 
 
-def test_the_audit_finds_a_collision(lee1991: Cell) -> None:
+def test_the_audit_finds_a_collision(lee1991: CoordinationCell) -> None:
     """Both arms where the chart is blocked."""
     chart = lee1991.chart
     a, b = np.argwhere(chart.states == 2)[len(np.argwhere(chart.states == 2)) // 2]

@@ -15,13 +15,13 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from armtempo.agents import BatchVecEnv, ParallelVecEnv
 from armtempo.envs import CoordinationEnv, CoordinationVectorEnv
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 pytestmark = pytest.mark.rl
 LATE: dict[str, Any] = {"master_late_s": 0.1}
 
 
-def batch(cell: Cell, episodes: int, **options: Any) -> BatchVecEnv:
+def batch(cell: CoordinationCell, episodes: int, **options: Any) -> BatchVecEnv:
     return BatchVecEnv(CoordinationVectorEnv(cell, episodes, **LATE, **options))
 
 
@@ -30,7 +30,7 @@ def steps(env: Any, count: int, seed: int = 5) -> list[Any]:
     return [env.step(random.uniform(0.0, 1.0, (env.num_envs, 1)).astype(np.float32)) for _ in range(count)]
 
 
-def same_as_one_at_a_time(cell: Cell, episodes: int) -> int:
+def same_as_one_at_a_time(cell: CoordinationCell, episodes: int) -> int:
     """Compares whole episodes with ``ParallelVecEnv``; returns how many ended."""
     ours = batch(cell, episodes)
     theirs = ParallelVecEnv(lambda: CoordinationEnv(cell, physics="ideal", **LATE), episodes)
@@ -52,11 +52,11 @@ def same_as_one_at_a_time(cell: Cell, episodes: int) -> int:
     return ended
 
 
-def test_rows_are_the_agents_of_single_environments(lee1991: Cell) -> None:
+def test_rows_are_the_agents_of_single_environments(lee1991: CoordinationCell) -> None:
     assert same_as_one_at_a_time(lee1991, 3) > 6
 
 
-def test_only_the_learner_has_rows_and_obeys(lee1991: Cell) -> None:
+def test_only_the_learner_has_rows_and_obeys(lee1991: CoordinationCell) -> None:
     both, last = batch(lee1991, 2), batch(lee1991, 2, learners=(1,))
     assert (both.num_envs, last.num_envs) == (4, 2)
     for env in (both, last):
@@ -71,7 +71,7 @@ def test_only_the_learner_has_rows_and_obeys(lee1991: Cell) -> None:
         np.testing.assert_array_equal(dones[1::2], alone[2])
 
 
-def test_it_goes_on_from_its_state_to_the_last_bit(lee1991: Cell) -> None:
+def test_it_goes_on_from_its_state_to_the_last_bit(lee1991: CoordinationCell) -> None:
     env, other = batch(lee1991, 4), batch(lee1991, 4)
     env.seed(1)
     env.reset()
@@ -89,7 +89,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(lee1991: Cell) -> None:
     assert ends
 
 
-def test_a_time_limit_is_marked_and_vec_monitor_counts(lee1991: Cell) -> None:
+def test_a_time_limit_is_marked_and_vec_monitor_counts(lee1991: CoordinationCell) -> None:
     env = VecMonitor(batch(lee1991, 2, max_episode_s=0.04))
     env.reset()
     for _ in range(10):
@@ -102,14 +102,14 @@ def test_a_time_limit_is_marked_and_vec_monitor_counts(lee1991: Cell) -> None:
     assert env.get_attr("arms") == [2] * 4
 
 
-def test_ppo_learns_on_it(lee1991: Cell) -> None:
+def test_ppo_learns_on_it(lee1991: CoordinationCell) -> None:
     env = batch(lee1991, 16, learners=(1,))
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=256, n_epochs=1, seed=0, device="cpu")
     model.learn(4096)
     assert model.ep_info_buffer
 
 
-def test_what_the_shield_cuts_costs(lee1991: Cell) -> None:
+def test_what_the_shield_cuts_costs(lee1991: CoordinationCell) -> None:
     plain, charged = (
         BatchVecEnv(CoordinationVectorEnv(lee1991, 4, shield=True, learners=(1,)), penalty) for penalty in (0.0, 0.5)
     )

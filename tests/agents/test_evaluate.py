@@ -9,7 +9,7 @@ import pytest
 
 from armtempo.agents import POLICIES, Evaluation, evaluate
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, Mode
+from armtempo.planners import METHODS, CoordinationCell, Mode
 
 KEYS = {
     "plan_makespan_s",
@@ -30,7 +30,7 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def bullet(lee1991: Cell) -> Evaluation:
+def bullet(lee1991: CoordinationCell) -> Evaluation:
     return evaluate(lee1991)
 
 
@@ -50,7 +50,7 @@ def test_no_gap_is_negative(bullet: Evaluation) -> None:
             assert gap is None or gap >= -0.1, name
 
 
-def test_numbers_are_those_of_the_traces(bullet: Evaluation, lee1991: Cell) -> None:
+def test_numbers_are_those_of_the_traces(bullet: Evaluation, lee1991: CoordinationCell) -> None:
     for name, result in bullet.results.items():
         trace = result.trace
         assert (result.plan_makespan_s is None) == (name not in METHODS)
@@ -81,7 +81,7 @@ def test_saving_is_the_papers(bullet: Evaluation) -> None:
         assert 40.0 < saving < 45.0
 
 
-def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
+def test_episodes_seeds_and_progress(lee1991: CoordinationCell) -> None:
     calls: list[tuple[str, int]] = []
     one = evaluate(
         lee1991,
@@ -111,7 +111,7 @@ def test_episodes_seeds_and_progress(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: Mode) -> None:
+def test_ideal_and_bullet_agree(lee1991: CoordinationCell, bullet: Evaluation, mode: Mode) -> None:
     ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)
     for name, result in ideal.results.items():
         assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)
@@ -119,14 +119,14 @@ def test_ideal_and_bullet_agree(lee1991: Cell, bullet: Evaluation, mode: Mode) -
         assert result.torque_ratio_max <= 1.001
 
 
-def test_errors(lee1991: Cell) -> None:
+def test_errors(lee1991: CoordinationCell) -> None:
     with pytest.raises(UnknownNameError, match=r"policy 'optmal'.*did you mean 'optimal'"):
         evaluate(lee1991, ("optmal",))
     with pytest.raises(InputError, match="episodes must be at least 1"):
         evaluate(lee1991, ("delay",), episodes=0)
 
 
-def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Cell) -> None:
+def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: CoordinationCell) -> None:
     result = evaluate(lee1991, ["delay", "vci"], episodes=4, physics="ideal", disturbance="late")
     content = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert content["disturbance"] == "late"

@@ -17,7 +17,7 @@ from armtempo.agents import (
     in_blends,
 )
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, Cell, motion_demand
+from armtempo.planners import BlendCell, CoordinationCell, motion_demand
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_results_are_numbers_with_units(evaluation: BlendEvaluation) -> None:
     assert data["policies"]["line-speed"]["chord_speed_error_max_m_s"] > 0.0
 
 
-def test_wrong_requests_are_refused(lee1991: Cell, lee2006: BlendCell) -> None:
+def test_wrong_requests_are_refused(lee1991: CoordinationCell, lee2006: BlendCell) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown policy 'vci' \(known: constant, limit-aware"):
         evaluate(lee2006, ("vci",))
     with pytest.raises(UnknownNameError, match="limit-aware-smooth"):

@@ -11,10 +11,10 @@ import pytest
 from armtempo.agents import ExecutionPolicy, PhasePlanePolicy, Policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, Mode, Schedule, ScheduleExecution, VciExecution, plan_vci
+from armtempo.planners import CoordinationCell, Mode, Schedule, ScheduleExecution, VciExecution, plan_vci
 
 
-def planned(cell: Cell, order: tuple[int, ...] | None = None) -> Schedule:
+def planned(cell: CoordinationCell, order: tuple[int, ...] | None = None) -> Schedule:
     """Velocity control in an order of priority; some regions are passed by the lower one first."""
     order = tuple(range(len(cell.arms))) if order is None else order
     motions, _ = plan_vci(cell.planes, cell.chart_between, order, cell.control_period)
@@ -22,8 +22,8 @@ def planned(cell: Cell, order: tuple[int, ...] | None = None) -> Schedule:
 
 
 @pytest.fixture(params=["trio", "three_arms", "four_arms"])
-def cell(request: pytest.FixtureRequest) -> Cell:
-    found: Cell = request.getfixturevalue(request.param)
+def cell(request: pytest.FixtureRequest) -> CoordinationCell:
+    found: CoordinationCell = request.getfixturevalue(request.param)
     return found
 
 
@@ -50,7 +50,7 @@ class Disturbed:
 
 
 def run(
-    cell: Cell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
+    cell: CoordinationCell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
 ) -> EpisodeTrace:
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
     try:
@@ -60,7 +60,7 @@ def run(
 
 
 @pytest.mark.parametrize(("physics", "mode"), [("bullet", "speed"), ("ideal", "acceleration")])
-def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Physics, mode: Mode) -> None:
+def test_every_order_that_can_be_planned_can_be_executed(cell: CoordinationCell, physics: Physics, mode: Mode) -> None:
     done = 0
     for order in permutations(range(len(cell.arms))):
         try:
@@ -77,14 +77,14 @@ def test_every_order_that_can_be_planned_can_be_executed(cell: Cell, physics: Ph
     assert done >= 2
 
 
-def test_full_speed_for_all_collides(cell: Cell) -> None:
+def test_full_speed_for_all_collides(cell: CoordinationCell) -> None:
     """The tests here can fail."""
     assert run(cell, PhasePlanePolicy()).violations == 1
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
 @pytest.mark.parametrize("late", [0.03, 0.15])
-def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
+def test_late_first_arm(cell: CoordinationCell, late: float, physics: Physics) -> None:
     plan = planned(cell)
     trace = run(cell, ExecutionPolicy(partial(ScheduleExecution, plan)), physics=physics, late=late)
     assert trace.violations == 0
@@ -93,21 +93,21 @@ def test_late_first_arm(cell: Cell, late: float, physics: Physics) -> None:
 
 @pytest.mark.parametrize("physics", PHYSICS)
 @pytest.mark.parametrize("late", [0.03, 0.15])
-def test_velocity_control_behind_a_late_first_arm(trio: Cell, late: float, physics: Physics) -> None:
+def test_velocity_control_behind_a_late_first_arm(trio: CoordinationCell, late: float, physics: Physics) -> None:
     trace = run(trio, ExecutionPolicy(partial(VciExecution, trio)), physics=physics, late=late)
     assert trace.violations == 0
     assert trace.makespan <= 1.08 * planned(trio).makespan + late + 5.0 * trio.control_period
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_velocity_control_behind_arms_that_stop_and_go(trio: Cell, seed: int) -> None:
+def test_velocity_control_behind_arms_that_stop_and_go(trio: CoordinationCell, seed: int) -> None:
     trace = run(trio, Disturbed(ExecutionPolicy(partial(VciExecution, trio)), seed))
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
+def test_arms_that_stop_and_go_cost_time_only(cell: CoordinationCell, seed: int) -> None:
     """Any of them, also those that the others wait for: no collision, no deadlock."""
     plan = planned(cell)
     trace = run(cell, Disturbed(ExecutionPolicy(partial(ScheduleExecution, plan)), seed))
@@ -117,14 +117,14 @@ def test_arms_that_stop_and_go_cost_time_only(cell: Cell, seed: int) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_velocity_control_on_line(cell: Cell, mode: Mode) -> None:
+def test_velocity_control_on_line(cell: CoordinationCell, mode: Mode) -> None:
     trace = run(cell, ExecutionPolicy(partial(VciExecution, cell)), mode=mode)
     assert trace.violations == 0
     assert trace.makespan == pytest.approx(planned(cell).makespan, rel=0.1)
 
 
 @pytest.mark.parametrize("others", [None, "vci"])
-def test_yielding_beside_several_arms(trio: Cell, others: str | None) -> None:
+def test_yielding_beside_several_arms(trio: CoordinationCell, others: str | None) -> None:
     """A learner that stays where it is does not keep the others, of higher priority, from arriving."""
     env = YieldingEnv(trio, physics="ideal", others=others, record=True)
     env.reset(seed=0)
@@ -137,7 +137,7 @@ def test_yielding_beside_several_arms(trio: Cell, others: str | None) -> None:
     env.close()
 
 
-def test_yielding_with_an_execution_of_ones_own(trio: Cell) -> None:
+def test_yielding_with_an_execution_of_ones_own(trio: CoordinationCell) -> None:
     """Others that follow a plan in which the learner has its part."""
     env = YieldingEnv(trio, physics="ideal", others=ScheduleExecution(planned(trio)), learner="slave", record=True)
     env.reset(seed=0)
@@ -152,7 +152,7 @@ def test_yielding_with_an_execution_of_ones_own(trio: Cell) -> None:
     env.close()
 
 
-def test_one_agent_acts_alone(cell: Cell) -> None:
+def test_one_agent_acts_alone(cell: CoordinationCell) -> None:
     """A policy that is asked for one arm takes the places of the others from the simulation."""
     env = CoordinationEnv(cell, physics="ideal")
     observations, _ = env.reset(seed=0)

@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 from armtempo.agents import ParallelVecEnv
 from armtempo.envs import CoordinationEnv
 from armtempo.errors import InputError
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 pytestmark = pytest.mark.rl
 
@@ -160,7 +160,7 @@ def test_vec_monitor_counts_the_same_episodes() -> None:
     assert env.episode_count == 2
 
 
-def test_episodes_of_a_cell_are_those_of_the_bare_environment(lee1991: Cell) -> None:
+def test_episodes_of_a_cell_are_those_of_the_bare_environment(lee1991: CoordinationCell) -> None:
     def make() -> CoordinationEnv:
         return CoordinationEnv(lee1991, physics="ideal", master_late_s=0.1)
 
@@ -189,7 +189,7 @@ def test_episodes_of_a_cell_are_those_of_the_bare_environment(lee1991: Cell) -> 
     bare.close()
 
 
-def test_ppo_learns_on_it_and_logs_returns(lee1991: Cell) -> None:
+def test_ppo_learns_on_it_and_logs_returns(lee1991: CoordinationCell) -> None:
     env = ParallelVecEnv(lambda: CoordinationEnv(lee1991, physics="ideal"), 2)
     model = PPO("MlpPolicy", env, n_steps=128, batch_size=128, n_epochs=1, seed=0, device="cpu")
     model.learn(512)

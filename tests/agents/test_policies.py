@@ -8,14 +8,20 @@ import pytest
 from armtempo.agents import POLICIES, Observations, Policy, make_policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, Cell, Mode, benchmark_instances, build_cell, schedule
+from armtempo.planners import METHODS, CoordinationCell, Mode, benchmark_instances, build_cell, schedule
 
 SAFE = ("vci", "delay", "optimal", "sequential")
 LATE = (0.0, 0.03, 0.1, 0.15)
 
 
 def _run(
-    cell: Cell, name: str, *, physics: Physics = "bullet", mode: Mode = "speed", late: float = 0.0, seed: int = 0
+    cell: CoordinationCell,
+    name: str,
+    *,
+    physics: Physics = "bullet",
+    mode: Mode = "speed",
+    late: float = 0.0,
+    seed: int = 0,
 ) -> EpisodeTrace:
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
     try:
@@ -25,12 +31,12 @@ def _run(
 
 
 @pytest.fixture(scope="module")
-def coarse(lee1991: Cell) -> Cell:
+def coarse(lee1991: CoordinationCell) -> CoordinationCell:
     """The same cell at the usual 240 Hz."""
     return build_cell(lee1991.config.model_copy(update={"physics_tick_s": 1 / 240, "control_period_s": 1 / 240}))
 
 
-def _is_safe(trace: EpisodeTrace, cell: Cell, path_error: float) -> None:
+def _is_safe(trace: EpisodeTrace, cell: CoordinationCell, path_error: float) -> None:
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
     assert trace.clearance.min() >= cell.d_min
@@ -40,7 +46,7 @@ def _is_safe(trace: EpisodeTrace, cell: Cell, path_error: float) -> None:
 
 @pytest.mark.parametrize("late", LATE)
 @pytest.mark.parametrize("name", SAFE)
-def test_at_1_khz(lee1991: Cell, name: str, late: float) -> None:
+def test_at_1_khz(lee1991: CoordinationCell, name: str, late: float) -> None:
     trace = _run(lee1991, name, late=late)
     _is_safe(trace, lee1991, 2e-4)
     planned = schedule(lee1991, name).makespan
@@ -52,7 +58,7 @@ def test_at_1_khz(lee1991: Cell, name: str, late: float) -> None:
 
 @pytest.mark.parametrize("late", LATE)
 @pytest.mark.parametrize("name", SAFE)
-def test_at_240_hz(coarse: Cell, name: str, late: float) -> None:
+def test_at_240_hz(coarse: CoordinationCell, name: str, late: float) -> None:
     trace = _run(coarse, name, late=late)
     _is_safe(trace, coarse, 5e-4)
     if late == 0.0:
@@ -61,7 +67,7 @@ def test_at_240_hz(coarse: Cell, name: str, late: float) -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", SAFE)
-def test_in_both_modes_and_without_physics(lee1991: Cell, name: str, mode: Mode) -> None:
+def test_in_both_modes_and_without_physics(lee1991: CoordinationCell, name: str, mode: Mode) -> None:
     for late in (0.0, 0.1):
         trace = _run(lee1991, name, physics="ideal", mode=mode, late=late)
         assert trace.violations == 0
@@ -72,7 +78,7 @@ def test_in_both_modes_and_without_physics(lee1991: Cell, name: str, mode: Mode)
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_full_speed_for_both_collides(lee1991: Cell, physics: Physics) -> None:
+def test_full_speed_for_both_collides(lee1991: CoordinationCell, physics: Physics) -> None:
     """The tests above can fail."""
     trace = _run(lee1991, "phase-plane", physics=physics)
     assert trace.violations == 1
@@ -80,13 +86,13 @@ def test_full_speed_for_both_collides(lee1991: Cell, physics: Physics) -> None:
 
 
 @pytest.mark.parametrize("name", ["constant-speed", "constant-acceleration"])
-def test_the_papers_other_profiles_finish(lee1991: Cell, name: str) -> None:
+def test_the_papers_other_profiles_finish(lee1991: CoordinationCell, name: str) -> None:
     trace = _run(lee1991, name)
     _is_safe(trace, lee1991, 2e-4)
     assert trace.makespan == pytest.approx(schedule(lee1991, name).makespan, rel=0.01)
 
 
-def test_the_papers_order_of_methods(lee1991: Cell) -> None:
+def test_the_papers_order_of_methods(lee1991: CoordinationCell) -> None:
     """Velocity control and delay save more than 40 % of the sequential time; the paper's 45 % is 0.33 s."""
     makespan = {name: _run(lee1991, name).makespan for name in METHODS}
     assert makespan["delay"] == pytest.approx(0.328, abs=0.003)
@@ -122,7 +128,7 @@ class _Disturbed:
     [(range(10, 60), 0.0), (range(25, 90), 0.0), (range(40, 100), 0.0), (range(5, 300), 0.35), (range(0, 150, 2), 0.0)],
 )
 def test_a_master_that_stops_or_dawdles_costs_time_only(
-    lee1991: Cell, name: str, periods: range, command: float, physics: Physics
+    lee1991: CoordinationCell, name: str, periods: range, command: float, physics: Physics
 ) -> None:
     env = CoordinationEnv(lee1991, physics=physics, record=True)
     trace, _ = run_episode(env, _Disturbed(make_policy(name, lee1991), periods, command))
@@ -133,7 +139,7 @@ def test_a_master_that_stops_or_dawdles_costs_time_only(
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_vci_behind_any_master(lee1991: Cell, mode: Mode) -> None:
+def test_vci_behind_any_master(lee1991: CoordinationCell, mode: Mode) -> None:
     """Random masters: never a collision, whatever they do."""
     env = CoordinationEnv(lee1991, physics="ideal", mode=mode, record=True)
     policy = make_policy("vci", lee1991)
@@ -156,14 +162,14 @@ def test_vci_behind_any_master(lee1991: Cell, mode: Mode) -> None:
     env.close()
 
 
-def test_random_is_seeded(lee1991: Cell) -> None:
+def test_random_is_seeded(lee1991: CoordinationCell) -> None:
     traces = [_run(lee1991, "random", physics="ideal", seed=seed) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(traces[0].lam, traces[1].lam)
     assert traces[0].lam.shape != traces[2].lam.shape or (traces[0].lam != traces[2].lam).any()
 
 
 @pytest.mark.parametrize("name", POLICIES)
-def test_a_policy_forgets_the_last_episode(lee1991: Cell, name: str) -> None:
+def test_a_policy_forgets_the_last_episode(lee1991: CoordinationCell, name: str) -> None:
     env = CoordinationEnv(lee1991, physics="ideal", master_late_s=0.05, record=True)
     policy = make_policy(name, lee1991)
     first, reward = run_episode(env, policy, 3)
@@ -177,7 +183,7 @@ def test_a_policy_forgets_the_last_episode(lee1991: Cell, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", POLICIES)
-def test_actions_are_in_the_action_space(lee1991: Cell, name: str) -> None:
+def test_actions_are_in_the_action_space(lee1991: CoordinationCell, name: str) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     policy = make_policy(name, lee1991)
     observations, _ = env.reset(seed=0)
@@ -192,7 +198,7 @@ def test_actions_are_in_the_action_space(lee1991: Cell, name: str) -> None:
     env.close()
 
 
-def test_an_unknown_policy(lee1991: Cell) -> None:
+def test_an_unknown_policy(lee1991: CoordinationCell) -> None:
     with pytest.raises(UnknownNameError, match=r"policy 'vcy'.*did you mean 'vci'.*known: "):
         make_policy("vcy", lee1991)
 

@@ -21,7 +21,7 @@ import torch
 from armtempo.agents import Training, evaluate, find_agent, train
 from armtempo.configs import TrainConfig, load_train_config
 from armtempo.errors import InputError
-from armtempo.planners import Cell, IKCell, draw_target
+from armtempo.planners import CoordinationCell, IKCell, draw_target
 
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 
@@ -139,7 +139,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Training:
     return train(config(folder, PPO, LAST), folder / "out")
 
 
-def test_a_training_leaves_curve_logs_checkpoint_and_agent(trained: Training, lee1991: Cell) -> None:
+def test_a_training_leaves_curve_logs_checkpoint_and_agent(trained: Training, lee1991: CoordinationCell) -> None:
     with (trained.folder / "curve.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["steps"]) for row in rows] == [0, 512, 1024]

@@ -22,7 +22,7 @@ from armtempo.envs import (
     YieldingEnv,
 )
 from armtempo.envs.bodies._scene import Scene
-from armtempo.planners import BlendCell, Cell, IKCell, build_cell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, build_cell
 
 RESET_MS = 2.0
 BATCH, BATCH_PER_S = 4096, 1e6  # episodes; agent steps of 10 ticks per second on two cores
@@ -80,7 +80,7 @@ def _ratio(a: Callable[[], float], b: Callable[[], float], rounds: int = 40) -> 
 
 
 @pytest.mark.parametrize("physics", ["bullet", "ideal"])
-def test_reset(benchmark: BenchmarkFixture, lee1991: Cell, physics: Physics) -> None:
+def test_reset(benchmark: BenchmarkFixture, lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics)
     try:
         benchmark(env.reset)
@@ -91,7 +91,7 @@ def test_reset(benchmark: BenchmarkFixture, lee1991: Cell, physics: Physics) -> 
 
 
 @pytest.mark.parametrize("physics", ["bullet", "ideal"])
-def test_steps_per_second(benchmark: BenchmarkFixture, lee1991: Cell, physics: Physics) -> None:
+def test_steps_per_second(benchmark: BenchmarkFixture, lee1991: CoordinationCell, physics: Physics) -> None:
     env = YieldingEnv(lee1991, physics=physics, master_late_s=LATE)
     try:
         steps = 200 if physics == "bullet" else 2000
@@ -147,7 +147,7 @@ def test_feedback_ik_steps_per_second(
         env.close()
 
 
-def test_bullet_against_a_bare_loop(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bullet_against_a_bare_loop(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
     env, scene = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE), Scene(lee1991)
     try:
         pybullet.setTimeStep(lee1991.physics_tick, physicsClientId=scene.client)
@@ -163,7 +163,7 @@ def test_bullet_against_a_bare_loop(lee1991: Cell, capsys: pytest.CaptureFixture
         scene.close()
 
 
-def test_ideal_against_bullet(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ideal_against_bullet(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
     bullet = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE)
     ideal = YieldingEnv(lee1991, physics="ideal", master_late_s=LATE)
     try:
@@ -225,7 +225,7 @@ def _agent_steps_per_second(simulation: BatchSimulation, steps: int) -> float:
     return steps * simulation.lam.size / (time.perf_counter() - began)
 
 
-def test_batch(lee1991: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+def test_batch(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
     """4096 episodes, 10 ticks a step; rounds in turns, best of many, because the machine does other things too."""
     cell = build_cell(lee1991.config.model_copy(update={"control_period_s": 0.010}))
     one, two = (BatchSimulation(cell, BATCH, threads=threads) for threads in (1, 2))

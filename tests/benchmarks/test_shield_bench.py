@@ -14,13 +14,13 @@ import pytest
 
 from armtempo.envs import REQUESTS, CoordinationEnv, ShieldTrial, YieldingEnv, shield_trial
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, benchmark_instances, load_cell, schedule
+from armtempo.planners import CoordinationCell, benchmark_instances, load_cell, schedule
 
 STEPS = 2_000_000
 BUNDLED = ("lee1991", "mixed-priority", "planar-four", "iiwa-pair", "panda-pair")
 
 
-def _report(cell: Cell, what: str, trial: ShieldTrial, seconds: float) -> None:
+def _report(cell: CoordinationCell, what: str, trial: ShieldTrial, seconds: float) -> None:
     print(  # noqa: T201
         f"{cell.name:>24} {what:<12} {trial.steps:>7} agent steps {1e6 * seconds / trial.steps:6.1f} us, "
         f"changed {100 * trial.changed:5.2f} %, mean change {trial.change:.4f}, "

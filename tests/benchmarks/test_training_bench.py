@@ -12,7 +12,7 @@ pytest.importorskip("stable_baselines3")
 
 from armtempo.agents import ParallelVecEnv, train
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 ADAPTER_US = 15.0
 MINUTES = 3.0
@@ -40,7 +40,7 @@ def _adapted(env: ParallelVecEnv, steps: int) -> float:
     return (time.perf_counter() - began) / steps
 
 
-def test_the_adapter_costs_little(lee1991: Cell) -> None:
+def test_the_adapter_costs_little(lee1991: CoordinationCell) -> None:
     def make() -> CoordinationEnv:
         return CoordinationEnv(lee1991, physics="ideal", master_late_s=0.1)
 

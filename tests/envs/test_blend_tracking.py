@@ -13,7 +13,7 @@ from armtempo.agents import highest_rate
 from armtempo.arrays import Floats32
 from armtempo.envs import BLEND_ENTRIES, MAPPINGS, PHYSICS, BlendTrackingEnv, Physics
 from armtempo.errors import ActionError, ConfigError, InputError, PathError, RenderError, UnknownNameError
-from armtempo.planners import PATH_FAMILIES, BlendCell, Cell, FamilyName, draw_path, motion_demand
+from armtempo.planners import PATH_FAMILIES, BlendCell, CoordinationCell, FamilyName, draw_path, motion_demand
 
 FULL = np.ones(1, dtype=np.float32)
 STOP = -np.ones(1, dtype=np.float32)
@@ -260,7 +260,9 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused(lee2006: BlendCell) -> 
         env.reset()
 
 
-def test_wrong_arguments_are_refused(lee1991: Cell, lee2006: BlendCell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_arguments_are_refused(
+    lee1991: CoordinationCell, lee2006: BlendCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     for options, known in (
         ({"profile": "linespeed"}, "line-speed"),

@@ -24,7 +24,7 @@ from armtempo.envs import (
     coordination_v0,
 )
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import BlendCell, Cell, IKCell, Mode
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
 BOTH = list(itertools.product(PHYSICS, MODES))
@@ -38,7 +38,9 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(env.metadata, "render_modes", ["rgb_array"])
 
 
-def _checked_yielding(cell: Cell, physics: Physics, mode: Mode, render_mode: str | None = None) -> YieldingEnv:
+def _checked_yielding(
+    cell: CoordinationCell, physics: Physics, mode: Mode, render_mode: str | None = None
+) -> YieldingEnv:
     env = gymnasium.make("armtempo/Yielding-v0", cell=cell, physics=physics, mode=mode, render_mode=render_mode)
     inner = env.unwrapped
     assert isinstance(inner, YieldingEnv)
@@ -46,7 +48,7 @@ def _checked_yielding(cell: Cell, physics: Physics, mode: Mode, render_mode: str
 
 
 @pytest.mark.parametrize(("physics", "mode"), BOTH)
-def test_gymnasium_check_env(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_gymnasium_check_env(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     env = _checked_yielding(lee1991, physics, mode)
     assert env.spec is not None
     check_env(env, skip_render_check=(physics, mode) != BOTH[0])
@@ -54,7 +56,7 @@ def test_gymnasium_check_env(lee1991: Cell, physics: Physics, mode: Mode) -> Non
 
 
 @pytest.mark.parametrize(("physics", "mode"), BOTH)
-def test_stable_baselines3_check_env(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_stable_baselines3_check_env(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
     env = _checked_yielding(lee1991, physics, mode)
@@ -88,25 +90,25 @@ def test_feedback_ik_passes_both_checkers(chung: IKCell, physics: Physics, actio
 
 
 @pytest.mark.parametrize(("physics", "mode"), BOTH)
-def test_pettingzoo_parallel_api(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_pettingzoo_parallel_api(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     env = CoordinationEnv(lee1991, physics=physics, mode=mode)
     parallel_api_test(env, num_cycles=200)
     env.close()
 
 
 @pytest.mark.parametrize(("physics", "mode"), BOTH)
-def test_pettingzoo_aec_api(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_pettingzoo_aec_api(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     env = coordination_v0.env(cell=lee1991, physics=physics, mode=mode)
     api_test(env, num_cycles=200)
     env.close()
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_pettingzoo_seed(lee1991: Cell, physics: Physics) -> None:
+def test_pettingzoo_seed(lee1991: CoordinationCell, physics: Physics) -> None:
     seed_test(lambda: coordination_v0.env(cell=lee1991, physics=physics), num_cycles=60)
 
 
-def test_pettingzoo_render(lee1991: Cell) -> None:
+def test_pettingzoo_render(lee1991: CoordinationCell) -> None:
     def make(render_mode: str) -> object:
         return coordination_v0.env(cell=lee1991, physics="ideal", render_mode=render_mode)
 
@@ -136,7 +138,7 @@ def test_gymnasium_make_by_name_only() -> None:
     ik.close()
 
 
-def test_many_environments_in_one_vector(lee1991: Cell) -> None:
+def test_many_environments_in_one_vector(lee1991: CoordinationCell) -> None:
     envs = gymnasium.make_vec(
         "armtempo/Yielding-v0", num_envs=3, vectorization_mode="sync", cell=lee1991, physics="ideal", master_late_s=0.05
     )
@@ -148,7 +150,7 @@ def test_many_environments_in_one_vector(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_close_twice(lee1991: Cell, lee2006: BlendCell, chung: IKCell, physics: Physics) -> None:
+def test_close_twice(lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCell, physics: Physics) -> None:
     for env in (
         YieldingEnv(lee1991, physics=physics),
         CoordinationEnv(lee1991, physics=physics),
@@ -163,7 +165,7 @@ def test_close_twice(lee1991: Cell, lee2006: BlendCell, chung: IKCell, physics: 
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_agents_types_and_keys(lee1991: Cell, physics: Physics) -> None:
+def test_agents_types_and_keys(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, master_late_s=0.1)
     env.reset(seed=3)
     assert env.observation_space("arm_0") is env.observation_space("arm_0")
@@ -178,14 +180,14 @@ def test_agents_types_and_keys(lee1991: Cell, physics: Physics) -> None:
     env.close()
 
 
-def test_unknown_reset_options_are_ignored(lee1991: Cell) -> None:
+def test_unknown_reset_options_are_ignored(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     observations, _ = env.reset(options={"options": 1})
     assert list(observations) == env.agents == ["arm_0", "arm_1"]
     env.close()
 
 
-def test_closed_environments_say_so(lee1991: Cell) -> None:
+def test_closed_environments_say_so(lee1991: CoordinationCell) -> None:
     action = np.zeros(1, dtype=np.float32)
     several, one = CoordinationEnv(lee1991, physics="ideal"), YieldingEnv(lee1991, physics="ideal")
     several.reset(seed=0)

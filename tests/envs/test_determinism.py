@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode
 
 _SCRIPT = """
 import hashlib, sys
@@ -102,7 +102,7 @@ def _digest(env: YieldingEnv, seed: int) -> str:
 
 
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))
-def test_after_any_episode_a_reset_is_as_good_as_new(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_after_any_episode_a_reset_is_as_good_as_new(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     used = YieldingEnv(lee1991, physics=physics, mode=mode, master_late_s=(0.0, 0.15))
     for seed in range(6):
         fresh = YieldingEnv(lee1991, physics=physics, mode=mode, master_late_s=(0.0, 0.15))
@@ -111,7 +111,7 @@ def test_after_any_episode_a_reset_is_as_good_as_new(lee1991: Cell, physics: Phy
     used.close()
 
 
-def test_two_environments_in_turns_do_not_meet(lee1991: Cell) -> None:
+def test_two_environments_in_turns_do_not_meet(lee1991: CoordinationCell) -> None:
     """They share the cell and its clearance buffers, but nothing of the episode."""
     alone = YieldingEnv(lee1991)
     expected = _digest(alone, 1)
@@ -130,7 +130,7 @@ def test_two_environments_in_turns_do_not_meet(lee1991: Cell) -> None:
     other.close()
 
 
-def test_recording_changes_nothing(lee1991: Cell) -> None:
+def test_recording_changes_nothing(lee1991: CoordinationCell) -> None:
     ends = []
     for record in (False, True):
         env = CoordinationEnv(lee1991, master_late_s=0.12, record=record)

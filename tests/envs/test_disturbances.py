@@ -19,7 +19,7 @@ from armtempo.envs import (
 )
 from armtempo.envs.common._random import normal, uniform
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, ScheduleExecution, schedule
+from armtempo.planners import CoordinationCell, ScheduleExecution, schedule
 
 
 def _splitmix(state: int) -> int:
@@ -47,7 +47,7 @@ def test_counted_numbers_are_splitmix64_and_look_random() -> None:
 
 
 @pytest.mark.parametrize("family", DISTURBANCES)
-def test_families_keep_to_their_ranges(lee1991: Cell, family: str) -> None:
+def test_families_keep_to_their_ranges(lee1991: CoordinationCell, family: str) -> None:
     many = BatchSimulation(lee1991, 400, disturbance=family)
     T = lee1991.fastest[0].duration
     drawn = many.drawn
@@ -76,7 +76,7 @@ def test_families_keep_to_their_ranges(lee1991: Cell, family: str) -> None:
         assert (stops[..., 0][real] <= T).all()
 
 
-def test_the_same_seed_draws_the_same_and_episodes_differ(lee1991: Cell) -> None:
+def test_the_same_seed_draws_the_same_and_episodes_differ(lee1991: CoordinationCell) -> None:
     options: dict[str, Any] = {"physics": "ideal", "disturbance": "any", "start_phase": (0.0, 0.4)}
     one, two = YieldingEnv(lee1991, **options), CoordinationEnv(lee1991, **options)
     seen = []
@@ -92,7 +92,7 @@ def test_the_same_seed_draws_the_same_and_episodes_differ(lee1991: Cell) -> None
     assert lee1991.clearance.arms(q).distance >= lee1991.planned_clearance
 
 
-def test_a_slow_arm_is_slow_and_a_stopped_one_stands(lee1991: Cell) -> None:
+def test_a_slow_arm_is_slow_and_a_stopped_one_stands(lee1991: CoordinationCell) -> None:
     full = np.ones((1, 2, 1))
     slow = CoordinationVectorEnv(lee1991, 1, disturbance=Disturbance(speed=(0.5, 0.5)), master_late_s=0.3)
     plain = CoordinationVectorEnv(lee1991, 1, master_late_s=0.3)
@@ -127,7 +127,7 @@ def test_a_slow_arm_is_slow_and_a_stopped_one_stands(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("family", DISTURBANCES)
-def test_the_released_delay_stays_free_of_violations(lee1991: Cell, family: str) -> None:
+def test_the_released_delay_stays_free_of_violations(lee1991: CoordinationCell, family: str) -> None:
     """And behind a merely late master it loses nothing but what that is late."""
     plan = schedule(lee1991, "delay")
     env = CoordinationEnv(lee1991, physics="ideal", disturbance=family)
@@ -158,7 +158,7 @@ def test_wrong_ranges(wrong: dict[str, Any]) -> None:
         Disturbance(**wrong)
 
 
-def test_wrong_options(lee1991: Cell) -> None:
+def test_wrong_options(lee1991: CoordinationCell) -> None:
     wrong: list[tuple[type[Exception], str, dict[str, Any]]] = [
         (UnknownNameError, "disturbance", {"disturbance": "moody"}),
         (InputError, "2 arms", {"disturbance": Disturbance(late_s=(0.1, 0.1), arms=(2,))}),

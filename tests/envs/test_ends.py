@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 FULL = np.ones(1, dtype=np.float32)
 STOP = -FULL
@@ -17,7 +17,7 @@ def _all(env: CoordinationEnv, action: np.ndarray = FULL) -> dict[str, np.ndarra
     return dict.fromkeys(env.agents, action)
 
 
-def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: Cell) -> None:
+def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal", master_late_s=FAR_APART, record=True)
     env.reset()
     while env.agents:
@@ -35,7 +35,7 @@ def test_ideal_arrives_at_the_minimum_time_inside_the_tick(lee1991: Cell) -> Non
     env.close()
 
 
-def test_bullet_arrives_within_one_percent_of_the_plan(lee1991: Cell) -> None:
+def test_bullet_arrives_within_one_percent_of_the_plan(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="bullet", master_late_s=FAR_APART, record=True)
     env.reset()
     while env.agents:
@@ -51,7 +51,7 @@ def test_bullet_arrives_within_one_percent_of_the_plan(lee1991: Cell) -> None:
     env.close()
 
 
-def test_bullet_arrival_is_the_first_tick_of_lasting_rest(lee1991: Cell) -> None:
+def test_bullet_arrival_is_the_first_tick_of_lasting_rest(lee1991: CoordinationCell) -> None:
     """By hand from the recorded joint positions: within 1 mm, below 10 mm/s, for 20 ms."""
     env = CoordinationEnv(lee1991, physics="bullet", master_late_s=FAR_APART, record=True)
     env.reset()
@@ -70,7 +70,7 @@ def test_bullet_arrival_is_the_first_tick_of_lasting_rest(lee1991: Cell) -> None
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_time_out_is_a_truncation_at_five_sequential_times(lee1991: Cell, physics: Physics) -> None:
+def test_time_out_is_a_truncation_at_five_sequential_times(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics)
     env.reset()
     while env.agents:
@@ -85,7 +85,7 @@ def test_time_out_is_a_truncation_at_five_sequential_times(lee1991: Cell, physic
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_own_time_limit(lee1991: Cell, physics: Physics) -> None:
+def test_own_time_limit(lee1991: CoordinationCell, physics: Physics) -> None:
     env = YieldingEnv(lee1991, physics=physics, max_episode_s=0.02)
     env.reset()
     steps = [env.step(STOP)[2:4] for _ in range(5)]
@@ -94,7 +94,7 @@ def test_own_time_limit(lee1991: Cell, physics: Physics) -> None:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_a_violation_ends_the_episode_for_all(lee1991: Cell, physics: Physics) -> None:
+def test_a_violation_ends_the_episode_for_all(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, record=True)
     env.reset()
     while env.agents:
@@ -110,7 +110,7 @@ def test_a_violation_ends_the_episode_for_all(lee1991: Cell, physics: Physics) -
     env.close()
 
 
-def test_both_physics_find_the_violation_at_the_same_tick(lee1991: Cell) -> None:
+def test_both_physics_find_the_violation_at_the_same_tick(lee1991: CoordinationCell) -> None:
     instants = []
     for physics in PHYSICS:
         env = CoordinationEnv(lee1991, physics=physics)
@@ -123,7 +123,7 @@ def test_both_physics_find_the_violation_at_the_same_tick(lee1991: Cell) -> None
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_the_clearance_of_the_trace_is_fcl_at_every_tick(lee1991: Cell, physics: Physics) -> None:
+def test_the_clearance_of_the_trace_is_fcl_at_every_tick(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, master_late_s=0.07, record=True)
     env.reset()
     while env.agents:
@@ -139,7 +139,7 @@ def test_the_clearance_of_the_trace_is_fcl_at_every_tick(lee1991: Cell, physics:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_one_arm_arrives_early_and_the_other_goes_on(lee1991: Cell, physics: Physics) -> None:
+def test_one_arm_arrives_early_and_the_other_goes_on(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, master_late_s=0.3)
     env.reset()
     while env.agents == ["arm_0", "arm_1"]:
@@ -157,7 +157,7 @@ def test_one_arm_arrives_early_and_the_other_goes_on(lee1991: Cell, physics: Phy
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_a_late_master_stands_still_until_then(lee1991: Cell, physics: Physics) -> None:
+def test_a_late_master_stands_still_until_then(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, record=True)
     env.reset(options={"master_late_s": 0.1015})
     for _ in range(30):
@@ -172,7 +172,7 @@ def test_a_late_master_stands_still_until_then(lee1991: Cell, physics: Physics) 
     env.close()
 
 
-def test_yielding_draws_how_late_the_master_is(lee1991: Cell) -> None:
+def test_yielding_draws_how_late_the_master_is(lee1991: CoordinationCell) -> None:
     env = YieldingEnv(lee1991, physics="ideal", master_late_s=(0.02, 0.15))
     drawn = [env.reset(seed=0)[1]["master_late_s"], *(env.reset()[1]["master_late_s"] for _ in range(30))]
     assert len(set(drawn)) == len(drawn)
@@ -183,7 +183,7 @@ def test_yielding_draws_how_late_the_master_is(lee1991: Cell) -> None:
     env.close()
 
 
-def test_yielding_may_learn_the_master(lee1991: Cell) -> None:
+def test_yielding_may_learn_the_master(lee1991: CoordinationCell) -> None:
     env = YieldingEnv(lee1991, learner="master", physics="ideal")
     env.reset()
     terminated = False

@@ -10,11 +10,11 @@ import pytest
 from armtempo.envs import EpisodeTrace, Simulation
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._scene import Scene
-from armtempo.planners import Cell, build_cell
+from armtempo.planners import CoordinationCell, build_cell
 from armtempo.robots import Arm
 
 
-def with_friction(cell: Cell, damping: float, coulomb: float) -> Cell:
+def with_friction(cell: CoordinationCell, damping: float, coulomb: float) -> CoordinationCell:
     """The cell's motions, planned without friction and with half of the torque, for arms that have some."""
     arms = [
         Arm.from_urdf(
@@ -32,11 +32,11 @@ def with_friction(cell: Cell, damping: float, coulomb: float) -> Cell:
 
 
 @pytest.fixture(scope="module")
-def slow(lee1991: Cell) -> Cell:
+def slow(lee1991: CoordinationCell) -> CoordinationCell:
     return build_cell(lee1991.config.model_copy(update={"torque_reserve": 0.5}))
 
 
-def run(cell: Cell) -> EpisodeTrace:
+def run(cell: CoordinationCell) -> EpisodeTrace:
     simulation = Simulation(cell, physics="bullet", record=True)
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past: friction holds it there
     try:
@@ -48,7 +48,7 @@ def run(cell: Cell) -> EpisodeTrace:
 
 
 @pytest.mark.parametrize(("damping", "coulomb"), [(0.3, 0.0), (1.0, 0.0), (0.0, 0.2), (0.5, 0.2), (0.0, 1.0)])
-def test_the_path_is_kept_as_without_friction(slow: Cell, damping: float, coulomb: float) -> None:
+def test_the_path_is_kept_as_without_friction(slow: CoordinationCell, damping: float, coulomb: float) -> None:
     free = run(with_friction(slow, 0.0, 0.0))
     rough = run(with_friction(slow, damping, coulomb))
     assert free.violations == rough.violations == 0
@@ -67,7 +67,7 @@ def test_the_path_is_kept_as_without_friction(slow: Cell, damping: float, coulom
     np.testing.assert_allclose(rough.torque[0][k + 1], expected, atol=0.02 * float(np.abs(expected).max()))
 
 
-def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: Cell) -> None:
+def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: CoordinationCell) -> None:
     """An arm that is let go coasts to rest under dry friction alone as Newton has it."""
     cell = with_friction(slow, 0.0, 0.2)
     scene = Scene(cell)
@@ -91,7 +91,7 @@ def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: Cell) -> None
         scene.close()
 
 
-def test_resets_stay_exact_with_friction(slow: Cell) -> None:
+def test_resets_stay_exact_with_friction(slow: CoordinationCell) -> None:
     simulation = Simulation(with_friction(slow, 0.5, 0.2), physics="bullet", record=True)
     runs = []
     for _ in range(2):

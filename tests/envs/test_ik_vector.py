@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs import ACTION_MODES, ActionMode, FeedbackIKEnv, FeedbackIKVectorEnv
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import Cell, IKCell, TargetFamilyName
+from armtempo.planners import CoordinationCell, IKCell, TargetFamilyName
 
 FAMILIES: tuple[TargetFamilyName, ...] = ("partly-unreachable", "near-singular")
 
@@ -210,7 +210,7 @@ def test_the_shortest_and_the_longest_time_limit(chung: IKCell, limit: float) ->
     assert found[3][0] == (limit < 1.0)
 
 
-def test_input_errors(chung: IKCell, lee1991: Cell) -> None:
+def test_input_errors(chung: IKCell, lee1991: CoordinationCell) -> None:
     with pytest.raises(InputError, match='vectorization_mode="sync"'):
         gymnasium.make_vec("armtempo/FeedbackIK-v0", num_envs=2, cell=chung, physics="bullet")
     with pytest.raises(InputError, match="autoreset_mode"):

@@ -10,7 +10,7 @@ import pytest
 
 from armtempo.envs import CoordinationEnv, YieldingEnv
 from armtempo.errors import ActionError, ArmtempoError, InputError, RenderError, UnknownNameError
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 NAN = np.array([np.nan], dtype=np.float32)
 GOOD = np.zeros(1, dtype=np.float32)
@@ -27,7 +27,7 @@ def _says(error: pytest.ExceptionInfo[ArmtempoError], *parts: str) -> None:
 @pytest.mark.parametrize(
     "bad", [NAN, np.array([np.inf]), np.zeros(2), np.zeros((1, 1)), np.zeros(0), None, "full speed", {"a": 1}]
 )
-def test_an_action_that_is_no_finite_number(lee1991: Cell, bad: Any) -> None:
+def test_an_action_that_is_no_finite_number(lee1991: CoordinationCell, bad: Any) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
     with pytest.raises(ActionError) as error:
@@ -44,7 +44,7 @@ def test_an_action_that_is_no_finite_number(lee1991: Cell, bad: Any) -> None:
     single.close()
 
 
-def test_actions_outside_the_box_are_clipped(lee1991: Cell) -> None:
+def test_actions_outside_the_box_are_clipped(lee1991: CoordinationCell) -> None:
     after = []
     for size in (1.0, 7.0):
         env = CoordinationEnv(lee1991, physics="ideal")
@@ -55,7 +55,7 @@ def test_actions_outside_the_box_are_clipped(lee1991: Cell) -> None:
     np.testing.assert_array_equal(after[0], after[1])
 
 
-def test_a_missing_action(lee1991: Cell) -> None:
+def test_a_missing_action(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
     with pytest.raises(ActionError) as error:
@@ -65,7 +65,7 @@ def test_a_missing_action(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
-def test_step_before_reset_and_after_the_end(lee1991: Cell, make: Callable[..., Any]) -> None:
+def test_step_before_reset_and_after_the_end(lee1991: CoordinationCell, make: Callable[..., Any]) -> None:
     env = make(lee1991, physics="ideal", max_episode_s=0.004)
     action = {"arm_0": GOOD, "arm_1": GOOD} if make is CoordinationEnv else GOOD
     with pytest.raises(ActionError) as error:
@@ -94,7 +94,7 @@ def test_step_before_reset_and_after_the_end(lee1991: Cell, make: Callable[..., 
     ],
 )
 def test_a_wrong_argument(
-    lee1991: Cell,
+    lee1991: CoordinationCell,
     make: Callable[..., Any],
     options: dict[str, Any],
     error_class: type[ArmtempoError],
@@ -105,7 +105,7 @@ def test_a_wrong_argument(
     _says(error, *parts)
 
 
-def test_an_unknown_learner_and_a_backward_range(lee1991: Cell) -> None:
+def test_an_unknown_learner_and_a_backward_range(lee1991: CoordinationCell) -> None:
     with pytest.raises(UnknownNameError) as unknown:
         YieldingEnv(lee1991, learner="slav", physics="ideal")
     _says(unknown, "arm 'slav'", "did you mean 'slave'")
@@ -116,7 +116,7 @@ def test_an_unknown_learner_and_a_backward_range(lee1991: Cell) -> None:
 
 @pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
 @pytest.mark.parametrize("late", [-1.0, np.nan, np.inf])
-def test_a_wrong_lateness_at_reset(lee1991: Cell, make: Callable[..., Any], late: float) -> None:
+def test_a_wrong_lateness_at_reset(lee1991: CoordinationCell, make: Callable[..., Any], late: float) -> None:
     env = make(lee1991, physics="ideal")
     with pytest.raises(InputError) as error:
         env.reset(options={"master_late_s": late})
@@ -124,7 +124,7 @@ def test_a_wrong_lateness_at_reset(lee1991: Cell, make: Callable[..., Any], late
     env.close()
 
 
-def test_a_trace_that_was_not_recorded(lee1991: Cell) -> None:
+def test_a_trace_that_was_not_recorded(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
     with pytest.raises(InputError) as error:
@@ -133,6 +133,6 @@ def test_a_trace_that_was_not_recorded(lee1991: Cell) -> None:
     env.close()
 
 
-def test_an_unknown_baseline_for_the_other_arms(lee1991: Cell) -> None:
+def test_an_unknown_baseline_for_the_other_arms(lee1991: CoordinationCell) -> None:
     with pytest.raises(UnknownNameError, match=r"'delai'.*did you mean 'delay'"):
         YieldingEnv(lee1991, others="delai", physics="ideal")

@@ -15,7 +15,7 @@ from pettingzoo.test import parallel_api_test
 
 import armtempo
 from armtempo.envs import ENTRIES, PHYSICS, CoordinationEnv, Physics, Simulation, share
-from armtempo.planners import Cell
+from armtempo.planners import CoordinationCell
 
 assert armtempo.__version__
 NAMES = [entry.name for entry in ENTRIES]
@@ -28,13 +28,13 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(params=["trio", "four_arms"])
-def cell(request: pytest.FixtureRequest) -> Cell:
-    found: Cell = request.getfixturevalue(request.param)
+def cell(request: pytest.FixtureRequest) -> CoordinationCell:
+    found: CoordinationCell = request.getfixturevalue(request.param)
     return found
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_pettingzoo_parallel_api(cell: Cell, physics: Physics) -> None:
+def test_pettingzoo_parallel_api(cell: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(cell, physics=physics)
     assert env.possible_agents == [f"arm_{i}" for i in range(len(cell.arms))]
     parallel_api_test(env, num_cycles=100)
@@ -42,14 +42,14 @@ def test_pettingzoo_parallel_api(cell: Cell, physics: Physics) -> None:
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_gymnasium_check_env(trio: Cell, physics: Physics) -> None:
+def test_gymnasium_check_env(trio: CoordinationCell, physics: Physics) -> None:
     env = gymnasium.make("armtempo/Yielding-v0", cell=trio, physics=physics, learner="slave")
     check_env(env.unwrapped, skip_render_check=True)
     env.close()
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_random_episodes_stay_in_the_space(cell: Cell, physics: Physics) -> None:
+def test_random_episodes_stay_in_the_space(cell: CoordinationCell, physics: Physics) -> None:
     """Clearance is the smallest over all pairs, and an episode ends on the first that is too small."""
     env = CoordinationEnv(cell, physics=physics, record=True)
     random = np.random.default_rng(0)
@@ -73,7 +73,7 @@ def test_random_episodes_stay_in_the_space(cell: Cell, physics: Physics) -> None
     env.close()
 
 
-def test_the_two_most_constraining_arms_are_seen(four_arms: Cell) -> None:
+def test_the_two_most_constraining_arms_are_seen(four_arms: CoordinationCell) -> None:
     """Nearest region first, against the charts of all pairs by brute force."""
     env = CoordinationEnv(four_arms, physics="ideal")
     env.reset()
@@ -106,7 +106,7 @@ def test_the_two_most_constraining_arms_are_seen(four_arms: Cell) -> None:
     env.close()
 
 
-def test_clearance_may_be_skipped_never_missed(trio: Cell) -> None:
+def test_clearance_may_be_skipped_never_missed(trio: CoordinationCell) -> None:
     """The least clearance of an episode is that of asking FCL at every tick."""
     commands = np.array([1.0, 0.0, 0.0])  # it comes by, and goes away
     recorded = Simulation(trio, physics="bullet", record=True)
@@ -128,7 +128,7 @@ def test_clearance_may_be_skipped_never_missed(trio: Cell) -> None:
     recorded.close()
 
 
-def test_one_arm_alone(lee1991: Cell) -> None:
+def test_one_arm_alone(lee1991: CoordinationCell) -> None:
     from armtempo.planners import build_cell
 
     config = lee1991.config

@@ -9,21 +9,21 @@ import pytest
 
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Simulation
 from armtempo.envs.bodies._bullet import pybullet
-from armtempo.planners import Cell, build_cell
+from armtempo.planners import CoordinationCell, build_cell
 from armtempo.robots import Arm
 
 
 @pytest.fixture(scope="module")
-def reserved(lee1991: Cell) -> Cell:
+def reserved(lee1991: CoordinationCell) -> CoordinationCell:
     return build_cell(lee1991.config.model_copy(update={"torque_reserve": 0.1}))
 
 
 @pytest.fixture(scope="module")
-def slow(lee1991: Cell) -> Cell:
+def slow(lee1991: CoordinationCell) -> CoordinationCell:
     return build_cell(lee1991.config.model_copy(update={"torque_reserve": 0.5}))
 
 
-def with_friction(cell: Cell, damping: float, coulomb: float) -> Cell:
+def with_friction(cell: CoordinationCell, damping: float, coulomb: float) -> CoordinationCell:
     """The cell's motions, planned without friction, for arms that have some."""
     arms = [
         Arm.from_urdf(
@@ -35,7 +35,7 @@ def with_friction(cell: Cell, damping: float, coulomb: float) -> Cell:
     return dataclasses.replace(cell, arms=tuple(arms))
 
 
-def run(cell: Cell, *, model_error: float = 0.0, friction_error: float = 0.0) -> EpisodeTrace:
+def run(cell: CoordinationCell, *, model_error: float = 0.0, friction_error: float = 0.0) -> EpisodeTrace:
     simulation = Simulation(cell, physics="bullet", record=True, model_error=model_error, friction_error=friction_error)
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past
     try:
@@ -46,7 +46,7 @@ def run(cell: Cell, *, model_error: float = 0.0, friction_error: float = 0.0) ->
         simulation.close()
 
 
-def test_bodies_are_heavier_by_the_share_told(lee1991: Cell) -> None:
+def test_bodies_are_heavier_by_the_share_told(lee1991: CoordinationCell) -> None:
     def of(model_error: float) -> list[tuple[float, ...]]:
         env = CoordinationEnv(lee1991, physics="bullet", model_error=model_error)
         env.reset(seed=0)
@@ -65,7 +65,7 @@ def test_bodies_are_heavier_by_the_share_told(lee1991: Cell) -> None:
     np.testing.assert_allclose(of(0.1), 1.1 * plain, rtol=1e-9)
 
 
-def test_with_a_reserve_the_path_error_is_small_and_grows_with_the_model_error(reserved: Cell) -> None:
+def test_with_a_reserve_the_path_error_is_small_and_grows_with_the_model_error(reserved: CoordinationCell) -> None:
     """The controller is a spring of the reference: half the error of the masses, half of that of the path."""
     right = run(reserved)
     traces = {share: run(reserved, model_error=share) for share in (-0.1, 0.05, 0.1)}
@@ -84,14 +84,14 @@ def test_with_a_reserve_the_path_error_is_small_and_grows_with_the_model_error(r
     assert 0.9 < ratio[-0.1] < 1.0
 
 
-def test_without_a_reserve_heavier_bodies_leave_the_path(lee1991: Cell, reserved: Cell) -> None:
+def test_without_a_reserve_heavier_bodies_leave_the_path(lee1991: CoordinationCell, reserved: CoordinationCell) -> None:
     plain = run(lee1991, model_error=0.05)
     assert plain.torque_demand_ratio_max > 1.2
     assert plain.path_error.max() > 20.0 * run(reserved, model_error=0.05).path_error.max()
 
 
 @pytest.mark.parametrize("friction", [(0.5, 0.0), (0.0, 0.2)])
-def test_friction_that_the_plans_do_not_know_of(slow: Cell, friction: tuple[float, float]) -> None:
+def test_friction_that_the_plans_do_not_know_of(slow: CoordinationCell, friction: tuple[float, float]) -> None:
     cell = with_friction(slow, *friction)
     right, rougher, smoother = run(cell), run(cell, friction_error=0.5), run(cell, friction_error=-0.5)
     assert right.path_error.max() < 1e-5

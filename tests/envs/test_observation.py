@@ -10,7 +10,7 @@ import pytest
 from armtempo.arrays import Floats32
 from armtempo.envs import ENTRIES, MODES, OTHER, OTHERS, OWN, PHYSICS, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs.common._entries import share
-from armtempo.planners import Cell, Mode, schedule
+from armtempo.planners import CoordinationCell, Mode, schedule
 
 NAMES = [entry.name for entry in ENTRIES]
 FLOAT32 = 1e-6
@@ -20,7 +20,7 @@ def _entry(row: Floats32, name: str) -> float:
     return float(row[NAMES.index(name)])
 
 
-def test_the_table_is_the_space_and_the_docstring(lee1991: Cell) -> None:
+def test_the_table_is_the_space_and_the_docstring(lee1991: CoordinationCell) -> None:
     assert len(set(NAMES)) == len(NAMES) == len(OWN) + OTHERS * len(OTHER)
     spaces = [CoordinationEnv(lee1991, physics="ideal").observation_space("arm_1")]
     spaces += [YieldingEnv(lee1991, physics="ideal").observation_space]
@@ -36,7 +36,7 @@ def test_the_table_is_the_space_and_the_docstring(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))
-def test_in_the_space_over_whole_random_episodes(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_in_the_space_over_whole_random_episodes(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     env = CoordinationEnv(lee1991, physics=physics, mode=mode, master_late_s=0.12)
     random = np.random.default_rng(5)
     for episode in range(4):
@@ -59,7 +59,7 @@ def test_in_the_space_over_whole_random_episodes(lee1991: Cell, physics: Physics
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_progress_speed_and_time_to_go_decode_to_the_state(lee1991: Cell, physics: Physics) -> None:
+def test_progress_speed_and_time_to_go_decode_to_the_state(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics, master_late_s=0.1)
     observations, _ = env.reset(seed=0)
     random = np.random.default_rng(1)
@@ -90,7 +90,7 @@ def test_progress_speed_and_time_to_go_decode_to_the_state(lee1991: Cell, physic
     env.close()
 
 
-def test_distance_and_release_are_those_of_the_chart(lee1991: Cell) -> None:
+def test_distance_and_release_are_those_of_the_chart(lee1991: CoordinationCell) -> None:
     """Brute force over the chart: the first row ahead that the other has not released, and how far it must still go."""
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
@@ -117,7 +117,7 @@ def test_distance_and_release_are_those_of_the_chart(lee1991: Cell) -> None:
     env.close()
 
 
-def test_wait_and_lead_are_those_of_the_minimum_time_motions(lee1991: Cell) -> None:
+def test_wait_and_lead_are_those_of_the_minimum_time_motions(lee1991: CoordinationCell) -> None:
     """Brute force over the chart's rows: when the other leaves each one for good, and when this arm gets there."""
     env = CoordinationEnv(lee1991, physics="ideal")
     env.reset()
@@ -152,7 +152,7 @@ def test_wait_and_lead_are_those_of_the_minimum_time_motions(lee1991: Cell) -> N
     env.close()
 
 
-def test_waiting_as_long_as_told_passes_behind(lee1991: Cell) -> None:
+def test_waiting_as_long_as_told_passes_behind(lee1991: CoordinationCell) -> None:
     """At the start ``wait`` is the start delay that the planner finds."""
     env = CoordinationEnv(lee1991, physics="ideal")
     observations, _ = env.reset()
@@ -162,7 +162,7 @@ def test_waiting_as_long_as_told_passes_behind(lee1991: Cell) -> None:
     env.close()
 
 
-def test_state_is_all_observations(lee1991: Cell) -> None:
+def test_state_is_all_observations(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     observations, _ = env.reset()
     np.testing.assert_array_equal(env.state(), np.concatenate([observations["arm_0"], observations["arm_1"]]))

@@ -10,14 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armtempo.envs import MODES, PHYSICS, Physics, Simulation
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode
 
 FREE = 10.0  # [s] so late is the master that the slave has the place for itself
 EXCESS = 1e-3  # of the limits, allowed to the references between stations
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_ideal_from_every_reachable_state(lee1991: Cell, mode: Mode) -> None:
+def test_ideal_from_every_reachable_state(lee1991: CoordinationCell, mode: Mode) -> None:
     simulation = Simulation(lee1991, physics="ideal", mode=mode, record=True)
     plane, slowest = lee1991.planes[1], 0.0
 
@@ -47,7 +47,7 @@ def test_ideal_from_every_reachable_state(lee1991: Cell, mode: Mode) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_bullet_never_applies_more_than_the_limits(lee1991: Cell, mode: Mode) -> None:
+def test_bullet_never_applies_more_than_the_limits(lee1991: CoordinationCell, mode: Mode) -> None:
     simulation = Simulation(lee1991, physics="bullet", mode=mode, record=True)
     random = np.random.default_rng(11)
     for episode in range(6):
@@ -66,7 +66,7 @@ def test_bullet_never_applies_more_than_the_limits(lee1991: Cell, mode: Mode) ->
 
 
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))
-def test_stop_and_go(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_stop_and_go(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     """Standing still in the middle of the path, for any time, and on again."""
     simulation = Simulation(lee1991, physics=physics, mode=mode, record=True)
     simulation.reset([FREE, 0.0])

@@ -12,7 +12,7 @@ from armtempo.envs import CoordinationEnv, Renderer, YieldingEnv
 from armtempo.envs.bodies import _renderer
 from armtempo.envs.bodies._renderer import COLOURS, HEIGHT, WIDTH, egl_available
 from armtempo.errors import RenderError
-from armtempo.planners import Cell, IKCell
+from armtempo.planners import CoordinationCell, IKCell
 from armtempo.planners.geometry._pose_motions import harmonic
 
 
@@ -35,7 +35,7 @@ def renderer_kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatc
     return str(request.param)
 
 
-def test_both_arms_are_seen_in_every_picture(lee1991: Cell, renderer_kind: str) -> None:
+def test_both_arms_are_seen_in_every_picture(lee1991: CoordinationCell, renderer_kind: str) -> None:
     renderer = Renderer(lee1991, "rgb_array")
     assert renderer._scene.hardware == (renderer_kind == "egl")
     try:
@@ -60,7 +60,7 @@ def test_both_arms_are_seen_in_every_picture(lee1991: Cell, renderer_kind: str) 
         renderer.close()
 
 
-def test_the_master_is_on_the_left(lee1991: Cell) -> None:
+def test_the_master_is_on_the_left(lee1991: CoordinationCell) -> None:
     env = CoordinationEnv(lee1991, physics="ideal", render_mode="rgb_array")
     env.reset()
     picture = env.render()
@@ -70,7 +70,7 @@ def test_the_master_is_on_the_left(lee1991: Cell) -> None:
     env.close()
 
 
-def test_pictures_do_not_change_the_episode(lee1991: Cell) -> None:
+def test_pictures_do_not_change_the_episode(lee1991: CoordinationCell) -> None:
     ends = []
     for mode in (None, "rgb_array"):
         env = YieldingEnv(lee1991, render_mode=mode)
@@ -87,7 +87,7 @@ def test_pictures_do_not_change_the_episode(lee1991: Cell) -> None:
 
 @pytest.mark.parametrize("make", [CoordinationEnv, YieldingEnv])
 def test_a_window_without_a_display_is_an_error_at_reset(
-    lee1991: Cell, make: type[CoordinationEnv | YieldingEnv], monkeypatch: pytest.MonkeyPatch
+    lee1991: CoordinationCell, make: type[CoordinationEnv | YieldingEnv], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     env = make(lee1991, physics="ideal", render_mode="human")

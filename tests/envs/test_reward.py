@@ -9,13 +9,13 @@ import pytest
 
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs.common._rewards import collision_reward, progress_reward, time_reward
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode
 
 LATE = 0.15  # at full speed of both, no violation
 
 
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))
-def test_an_episode_is_worth_one_path_minus_its_time(lee1991: Cell, physics: Physics, mode: Mode) -> None:
+def test_an_episode_is_worth_one_path_minus_its_time(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     env = CoordinationEnv(lee1991, physics=physics, mode=mode, master_late_s=LATE)
     env.reset(seed=0)
     totals, arrivals = dict.fromkeys(env.agents, 0.0), {}
@@ -36,7 +36,7 @@ def test_an_episode_is_worth_one_path_minus_its_time(lee1991: Cell, physics: Phy
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
-def test_a_collision_costs_two_and_the_rest_of_the_path(lee1991: Cell, physics: Physics) -> None:
+def test_a_collision_costs_two_and_the_rest_of_the_path(lee1991: CoordinationCell, physics: Physics) -> None:
     env = CoordinationEnv(lee1991, physics=physics)
     env.reset()
     while env.agents:
@@ -59,7 +59,7 @@ def test_colliding_is_worse_than_stopping_and_letting_the_other_pass() -> None:
         assert collision_reward(position, length) <= going_on
 
 
-def test_a_time_out_has_no_collision_term(lee1991: Cell) -> None:
+def test_a_time_out_has_no_collision_term(lee1991: CoordinationCell) -> None:
     env = YieldingEnv(lee1991, physics="ideal")
     env.reset()
     total, truncated = 0.0, False

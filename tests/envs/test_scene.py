@@ -11,13 +11,13 @@ import yaml
 
 from armtempo.envs import CoordinationEnv, Simulation, YieldingEnv
 from armtempo.envs.bodies._scene import Scene
-from armtempo.planners import Cell, load_cell
+from armtempo.planners import CoordinationCell, load_cell
 from armtempo.robots import Arm
 
 POSITION, RPY = (0.1, -0.2, 0.3), (0.35, -0.2, 0.5)
 
 
-def _tilted_cell(folder: Path, *, tool: bool) -> Cell:
+def _tilted_cell(folder: Path, *, tool: bool) -> CoordinationCell:
     """One arm on a tilted base, so that it carries weight, on a line; with or without a tool."""
     cr, cp, cy = np.cos(RPY)
     sr, sp, sy = np.sin(RPY)
@@ -57,7 +57,7 @@ def _tilted_cell(folder: Path, *, tool: bool) -> Cell:
 
 
 @pytest.fixture(params=["lee1991", "tilted", "tilted with tool"])
-def cell(request: pytest.FixtureRequest, lee1991: Cell, tmp_path: Path) -> Cell:
+def cell(request: pytest.FixtureRequest, lee1991: CoordinationCell, tmp_path: Path) -> CoordinationCell:
     if request.param == "lee1991":
         return lee1991
     return _tilted_cell(tmp_path, tool=request.param.endswith("tool"))
@@ -76,7 +76,7 @@ def _tip_in_pybullet(scene: Scene, i: int, arm: Arm) -> tuple[np.ndarray, np.nda
     return np.array(state[4]), np.array(pybullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
 
 
-def test_tips_are_where_the_planner_has_them(cell: Cell) -> None:
+def test_tips_are_where_the_planner_has_them(cell: CoordinationCell) -> None:
     scene, random = Scene(cell), np.random.default_rng(0)
     for _ in range(10):
         q = random.uniform(-2.5, 2.5, (len(cell.arms), 2))
@@ -93,7 +93,7 @@ def test_tips_are_where_the_planner_has_them(cell: Cell) -> None:
     scene.close()
 
 
-def test_one_tick_obeys_the_planners_dynamics(cell: Cell) -> None:
+def test_one_tick_obeys_the_planners_dynamics(cell: CoordinationCell) -> None:
     """Free fall and random torques: the change of speed over one tick against our inverse dynamics."""
     scene, random, dt = Scene(cell), np.random.default_rng(1), 1e-3
     pybullet.setTimeStep(dt, physicsClientId=scene.client)
@@ -116,7 +116,7 @@ def test_one_tick_obeys_the_planners_dynamics(cell: Cell) -> None:
     scene.close()
 
 
-def _goal(cell: Cell) -> np.ndarray:
+def _goal(cell: CoordinationCell) -> np.ndarray:
     """Where the cell file wants the tip to end."""
     line = cell.config.arms[0].path.segments[-1].line
     assert line is not None
@@ -149,7 +149,7 @@ def test_the_mass_without_the_tool_is_another_one(tmp_path: Path) -> None:
     assert np.abs(with_tool.inverse_dynamics(q, zero, zero) - without.inverse_dynamics(q, zero, zero)).max() > 0.1
 
 
-def test_resets_are_bit_exact(lee1991: Cell) -> None:
+def test_resets_are_bit_exact(lee1991: CoordinationCell) -> None:
     simulation, random = Simulation(lee1991), np.random.default_rng(4)
     runs: list[list[bytes]] = []
     for _ in range(3):
@@ -164,7 +164,7 @@ def test_resets_are_bit_exact(lee1991: Cell) -> None:
     simulation.close()
 
 
-def test_no_contacts_and_no_hidden_damping(lee1991: Cell) -> None:
+def test_no_contacts_and_no_hidden_damping(lee1991: CoordinationCell) -> None:
     """Arms through each other in PyBullet: no contact force, and their energy of motion stays."""
     scene = Scene(lee1991)
     pybullet.setTimeStep(1e-4, physicsClientId=scene.client)
@@ -185,7 +185,7 @@ def test_no_contacts_and_no_hidden_damping(lee1991: Cell) -> None:
     scene.close()
 
 
-def test_many_environments_share_nothing_in_pybullet(lee1991: Cell) -> None:
+def test_many_environments_share_nothing_in_pybullet(lee1991: CoordinationCell) -> None:
     envs = [YieldingEnv(lee1991) for _ in range(8)]
     clients = [env.simulation._scene.client for env in envs]  # type: ignore[union-attr]
     assert len(set(clients)) == len(clients)

@@ -17,19 +17,19 @@ from armtempo.envs import (
     shield_trial,
 )
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import Cell, load_cell, schedule
+from armtempo.planners import CoordinationCell, load_cell, schedule
 
 FULL = np.ones(1, dtype=np.float32)
 
 
 @pytest.fixture(scope="module")
-def mixed() -> Cell:
+def mixed() -> CoordinationCell:
     return load_cell("mixed-priority")
 
 
 @pytest.mark.parametrize("requests", REQUESTS)
 @pytest.mark.parametrize("uncertain", [(), (0,), (0, 1)])
-def test_trials_neither_violate_nor_stick(mixed: Cell, requests: str, uncertain: tuple[int, ...]) -> None:
+def test_trials_neither_violate_nor_stick(mixed: CoordinationCell, requests: str, uncertain: tuple[int, ...]) -> None:
     trial = shield_trial(mixed, requests, 13_400, uncertain=uncertain)
     assert trial.steps >= 13_400
     assert trial.violations == 0
@@ -37,18 +37,18 @@ def test_trials_neither_violate_nor_stick(mixed: Cell, requests: str, uncertain:
     assert trial.clearance > mixed.d_min
 
 
-def test_the_same_requests_collide_without(mixed: Cell) -> None:
+def test_the_same_requests_collide_without(mixed: CoordinationCell) -> None:
     assert shield_trial(mixed, "full", 2_000, shielded=False).violations > 0
     assert shield_trial(mixed, "mixed", 2_000, shielded=False).violations > 0
 
 
-def test_full_speed_is_near_the_optimum(mixed: Cell) -> None:
+def test_full_speed_is_near_the_optimum(mixed: CoordinationCell) -> None:
     trial = shield_trial(mixed, "full", 1_000)
     assert trial.changed > 0.0
     assert 1.0 - 1e-6 <= trial.makespan / schedule(mixed, "optimal").makespan <= 1.06
 
 
-def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: Cell) -> None:
+def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: CoordinationCell) -> None:
     simulation = Simulation(mixed, physics="ideal")
     shield = Shield(mixed, simulation.world)
     rng = np.random.default_rng(0)
@@ -72,7 +72,7 @@ def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: Ce
         assert np.isfinite(simulation.arrival).all()
 
 
-def test_option_and_wrapper_do_the_same(mixed: Cell) -> None:
+def test_option_and_wrapper_do_the_same(mixed: CoordinationCell) -> None:
     inside = CoordinationEnv(mixed, physics="ideal", shield=True)
     outside = ShieldParallelWrapper(CoordinationEnv(mixed, physics="ideal"))
     rng = np.random.default_rng(1)
@@ -123,7 +123,7 @@ def test_a_few_steps_in_bullet() -> None:
     env.close()
 
 
-def test_a_plan_says_who_passes_first(mixed: Cell) -> None:
+def test_a_plan_says_who_passes_first(mixed: CoordinationCell) -> None:
     """A learner behind arms that run through whatever it does has nowhere to go; behind a plan it has."""
     with pytest.raises(InfeasibleError, match="others='optimal'"):
         YieldingEnv(mixed, physics="ideal", shield=True, learner=mixed.arms[0].name, others="phase-plane")
@@ -136,7 +136,7 @@ def test_a_plan_says_who_passes_first(mixed: Cell) -> None:
     assert info["is_success"]
 
 
-def test_wrong_wrapping_is_refused(mixed: Cell) -> None:
+def test_wrong_wrapping_is_refused(mixed: CoordinationCell) -> None:
     with pytest.raises(InputError, match="shield_tube_m"):
         CoordinationEnv(mixed, physics="ideal", shield=True, shield_tube_m=-1.0)
     with pytest.raises(InputError, match="has no shield"):

@@ -11,23 +11,30 @@ from armtempo.arrays import Floats, Ints
 from armtempo.envs import CoordinationEnv, Shield, Simulation, YieldingEnv, shield_trial
 from armtempo.envs.coordination.shield._kernels import stops_before
 from armtempo.envs.coordination.world._world import World, steps_of
-from armtempo.planners import Cell, CoordinationChart, benchmark_instances, build_cell, load_cell, phase_kernels
+from armtempo.planners import (
+    CoordinationCell,
+    CoordinationChart,
+    benchmark_instances,
+    build_cell,
+    load_cell,
+    phase_kernels,
+)
 
 PARTS = 64  # of a tick, in each of which the arms sweep a box of the chart
 FULL = np.ones(1, dtype=np.float32)
 
 
-def instance(name: str) -> Cell:
+def instance(name: str) -> CoordinationCell:
     return next(instance for instance in benchmark_instances() if instance.name == name).build()
 
 
 @pytest.fixture(scope="module")
-def mixed() -> Cell:
+def mixed() -> CoordinationCell:
     return load_cell("mixed-priority")
 
 
 @pytest.fixture(scope="module")
-def pulled_on() -> Cell:
+def pulled_on() -> CoordinationCell:
     """Too fast there, an arm that brakes is pulled on for a third of its path: a little speed makes all of that."""
     return instance("planar-1991-0064")
 
@@ -55,7 +62,7 @@ def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: in
 
 @pytest.mark.parametrize("name", ["mixed", "pulled_on"])
 def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureRequest) -> None:
-    cell: Cell = request.getfixturevalue(name)
+    cell: CoordinationCell = request.getfixturevalue(name)
     simulation = Simulation(cell, physics="ideal")
     world, tables = simulation.world, Shield(cell, simulation.world).tables
     rng = np.random.default_rng(0)
@@ -77,7 +84,7 @@ def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureReq
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_an_arm_that_is_pulled_on_is_stopped_in_time(pulled_on: Cell, mode: Any) -> None:
+def test_an_arm_that_is_pulled_on_is_stopped_in_time(pulled_on: CoordinationCell, mode: Any) -> None:
     for requests in ("full", "mixed"):
         trial = shield_trial(pulled_on, requests, 4_000, mode=mode)
         assert trial.violations == trial.stuck == 0
@@ -104,7 +111,7 @@ def test_arms_that_cannot_hold_still_and_may_be_late(name: str) -> None:
         (12, {"start_phase": (0.0, 0.6), "mode": "acceleration"}),
     ],
 )
-def test_nothing_blocked_is_touched_between_ticks(mixed: Cell, ticks: int, options: dict[str, Any]) -> None:
+def test_nothing_blocked_is_touched_between_ticks(mixed: CoordinationCell, ticks: int, options: dict[str, Any]) -> None:
     cell = mixed if ticks == 4 else build_cell(mixed.config.model_copy(update={"control_period_s": 0.001 * ticks}))
     env = CoordinationEnv(cell, physics="ideal", shield=True, **options)
     simulation, chart = env.simulation, cell.chart_between(0, 1)
@@ -132,7 +139,7 @@ def test_nothing_blocked_is_touched_between_ticks(mixed: Cell, ticks: int, optio
 
 
 @pytest.mark.parametrize("disturbance", ["late", "slow", "stop-and-go", "any"])
-def test_disturbed_learners(mixed: Cell, disturbance: str) -> None:
+def test_disturbed_learners(mixed: CoordinationCell, disturbance: str) -> None:
     env = CoordinationEnv(
         mixed, physics="ideal", shield=True, disturbance=disturbance, start_phase=(0.0, 0.3), max_episode_s=8.0
     )
@@ -146,7 +153,7 @@ def test_disturbed_learners(mixed: Cell, disturbance: str) -> None:
         assert all(info["is_success"] for info in infos.values())
 
 
-def test_a_disturbed_learner_behind_a_plan(mixed: Cell) -> None:
+def test_a_disturbed_learner_behind_a_plan(mixed: CoordinationCell) -> None:
     env = YieldingEnv(mixed, physics="ideal", shield=True, others="optimal", disturbance="any", max_episode_s=8.0)
     for seed in range(6):
         env.reset(seed=seed)

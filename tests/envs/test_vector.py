@@ -20,7 +20,7 @@ from armtempo.envs import (
     coordination_v0,
 )
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode
 
 MANY: dict[str, Any] = {
     "disturbance": "any",
@@ -49,7 +49,7 @@ def _actions(generator: np.random.Generator, shape: tuple[int, ...]) -> Floats32
 
 
 @pytest.mark.parametrize("options", CASES)
-def test_all_arms_have_the_bits_of_single_environments(lee1991: Cell, options: dict[str, Any]) -> None:
+def test_all_arms_have_the_bits_of_single_environments(lee1991: CoordinationCell, options: dict[str, Any]) -> None:
     """Whole episodes, several after another in each slot; every array equal exactly."""
     count, arms = 5, 2
     many = CoordinationVectorEnv(lee1991, count, threads=2, **options)
@@ -105,7 +105,7 @@ def test_all_arms_have_the_bits_of_single_environments(lee1991: Cell, options: d
 @pytest.mark.parametrize("autoreset", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize("options", [MANY, {"others": "delay"}])
 def test_yielding_has_the_bits_of_gymnasiums_own_vector(
-    lee1991: Cell, autoreset: AutoresetMode, options: dict[str, Any]
+    lee1991: CoordinationCell, autoreset: AutoresetMode, options: dict[str, Any]
 ) -> None:
     count = 3
     many = gymnasium.make_vec(
@@ -146,7 +146,7 @@ def test_yielding_has_the_bits_of_gymnasiums_own_vector(
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_going_on_from_a_saved_state(lee1991: Cell, mode: Mode) -> None:
+def test_going_on_from_a_saved_state(lee1991: CoordinationCell, mode: Mode) -> None:
     def made() -> tuple[Any, ...]:
         return (
             CoordinationVectorEnv(lee1991, 6, mode=mode, **MANY),
@@ -172,7 +172,7 @@ def test_going_on_from_a_saved_state(lee1991: Cell, mode: Mode) -> None:
             other.set_state({name: array[:2] for name, array in state.items()})
 
 
-def test_team_rewards_sum_up_to_one_minus_the_makespan(lee1991: Cell) -> None:
+def test_team_rewards_sum_up_to_one_minus_the_makespan(lee1991: CoordinationCell) -> None:
     env = CoordinationVectorEnv(lee1991, 4, reward="team", learners=(1,), master_late_s=(0.0, 0.1))
     env.reset(seed=5)
     total, seen = np.zeros(4), 0
@@ -194,7 +194,7 @@ def test_team_rewards_sum_up_to_one_minus_the_makespan(lee1991: Cell) -> None:
     assert seen > 0
 
 
-def test_arms_that_do_not_learn_run_at_full_speed(lee1991: Cell) -> None:
+def test_arms_that_do_not_learn_run_at_full_speed(lee1991: CoordinationCell) -> None:
     one, two = (CoordinationVectorEnv(lee1991, 2, learners=(1,)) for _ in range(2))
     one.reset(seed=0)
     two.reset(seed=0)
@@ -205,7 +205,7 @@ def test_arms_that_do_not_learn_run_at_full_speed(lee1991: Cell) -> None:
     assert (one.simulations[0].mu[:, 0] > one.simulations[0].mu[:, 1]).all()
 
 
-def test_under_the_shield_they_are_agents_that_ask_for_full_speed(lee1991: Cell) -> None:
+def test_under_the_shield_they_are_agents_that_ask_for_full_speed(lee1991: CoordinationCell) -> None:
     """As in ``CoordinationEnv``: also where the learner is ahead, and the other has to let it pass."""
     options: dict[str, Any] = {"shield": True, "start_phase": (0.0, 0.3)}
     one = CoordinationVectorEnv(lee1991, 12, learners=(1,), **options)
@@ -222,7 +222,7 @@ def test_under_the_shield_they_are_agents_that_ask_for_full_speed(lee1991: Cell)
     assert held > 0
 
 
-def test_some_are_left_undisturbed(lee1991: Cell) -> None:
+def test_some_are_left_undisturbed(lee1991: CoordinationCell) -> None:
     disturbed: dict[str, Any] = {"disturbance": "any", "start_phase": (0.1, 0.3), "master_late_s": (0.1, 0.2)}
     for shield in (False, True):
         env = CoordinationVectorEnv([lee1991, lee1991], 8, shield=shield, **disturbed)
@@ -241,7 +241,7 @@ def test_some_are_left_undisturbed(lee1991: Cell) -> None:
             env.leave_undisturbed(1.5)
 
 
-def test_several_cells_share_the_episodes(lee1991: Cell) -> None:
+def test_several_cells_share_the_episodes(lee1991: CoordinationCell) -> None:
     both = CoordinationVectorEnv([lee1991, lee1991], 6, observation_noise=0.01)
     alone = CoordinationVectorEnv(lee1991, 6, observation_noise=0.01)
     generator = np.random.default_rng(8)
@@ -253,7 +253,7 @@ def test_several_cells_share_the_episodes(lee1991: Cell) -> None:
     assert coordination_v0.vector_env is CoordinationVectorEnv
 
 
-def test_threads_change_nothing(lee1991: Cell) -> None:
+def test_threads_change_nothing(lee1991: CoordinationCell) -> None:
     runs = []
     for threads in (1, 2, 3):
         simulation = BatchSimulation(lee1991, 200, threads=threads, **MANY)
@@ -270,7 +270,7 @@ def test_threads_change_nothing(lee1991: Cell) -> None:
         np.testing.assert_array_equal(array, runs[2][name])
 
 
-def test_reset_of_some(lee1991: Cell) -> None:
+def test_reset_of_some(lee1991: CoordinationCell) -> None:
     env = YieldingVectorEnv(3, lee1991, master_late_s=0.2)
     env.reset(seed=0)
     for _ in range(5):
@@ -281,7 +281,7 @@ def test_reset_of_some(lee1991: Cell) -> None:
     np.testing.assert_array_equal(infos["_master_late_s"], [True, False, True])
 
 
-def test_input_errors(lee1991: Cell) -> None:
+def test_input_errors(lee1991: CoordinationCell) -> None:
     with pytest.raises(InputError, match='vectorization_mode="sync"'):
         gymnasium.make_vec("armtempo/Yielding-v0", num_envs=2, cell=lee1991, physics="bullet")
     with pytest.raises(InputError, match="autoreset_mode"):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
-from armtempo.planners import Cell, Mode, PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners import CoordinationCell, Mode, PathDynamics, PhasePlane, PhaseTrajectory
 
 SplineDynamics = Callable[..., PathDynamics]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -34,7 +34,7 @@ def feasible(spline_dynamics: SplineDynamics, seed: int, *, gravity: bool) -> Ph
 
 
 @pytest.fixture(scope="module")
-def planes(lee1991: Cell, spline_dynamics: SplineDynamics) -> list[PhasePlane]:
+def planes(lee1991: CoordinationCell, spline_dynamics: SplineDynamics) -> list[PhasePlane]:
     random = [feasible(spline_dynamics, seed, gravity=seed % 2 == 0) for seed in range(6)]
     return [*lee1991.planes, *random]
 
@@ -133,7 +133,7 @@ def test_braking_comes_to_rest_and_stays(planes: list[PhasePlane]) -> None:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("left", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
-def test_starting_and_stopping_just_before_the_end(lee1991: Cell, mode: Mode, left: float) -> None:
+def test_starting_and_stopping_just_before_the_end(lee1991: CoordinationCell, mode: Mode, left: float) -> None:
     plane = lee1991.planes[0]
     lam = plane.length * (1.0 - left)
     motion = plane.motion([1.0], [np.inf], lam, 0.0, mode=mode)
@@ -152,7 +152,7 @@ def test_starting_and_stopping_just_before_the_end(lee1991: Cell, mode: Mode, le
     assert used < 0.2
 
 
-def test_steps_of_any_size(lee1991: Cell) -> None:
+def test_steps_of_any_size(lee1991: CoordinationCell) -> None:
     plane = lee1991.planes[0]
     lam, mu, used = plane.advance(0.0, 0.0, 1.0, 100.0)
     assert (lam, mu) == (plane.length, 0.0)
@@ -168,7 +168,7 @@ def test_steps_of_any_size(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_commands_at_rest(lee1991: Cell, mode: Mode) -> None:
+def test_commands_at_rest(lee1991: CoordinationCell, mode: Mode) -> None:
     plane = lee1991.planes[0]
     for command in (0.0, 1e-6, 0.5, 0.500001, 1.0):
         lam = mu = 0.0
@@ -181,7 +181,7 @@ def test_commands_at_rest(lee1991: Cell, mode: Mode) -> None:
         assert plane.motion([1.0], [np.inf], lam, mu, mode=mode).lam[-1] == plane.length
 
 
-def test_in_speed_mode_the_command_is_a_share_of_the_fastest(lee1991: Cell) -> None:
+def test_in_speed_mode_the_command_is_a_share_of_the_fastest(lee1991: CoordinationCell) -> None:
     plane = lee1991.planes[0]
     for command in (0.1, 0.5, 0.9):
         lam, mu, shares = 0.0, 0.0, []
@@ -192,7 +192,7 @@ def test_in_speed_mode_the_command_is_a_share_of_the_fastest(lee1991: Cell) -> N
         assert shares[-1] == pytest.approx(command, abs=0.02)
 
 
-def test_in_acceleration_mode_the_command_is_a_share_of_the_interval(lee1991: Cell) -> None:
+def test_in_acceleration_mode_the_command_is_a_share_of_the_interval(lee1991: CoordinationCell) -> None:
     plane = lee1991.planes[0]
     low, high = plane.acceleration_bounds(0.05, 0.2)
     for command in (0.0, 0.3, 0.5, 0.8, 1.0):
@@ -200,7 +200,7 @@ def test_in_acceleration_mode_the_command_is_a_share_of_the_interval(lee1991: Ce
         assert (mu - 0.2) / 1e-5 == pytest.approx(low + command * (high - low), abs=0.01 * (high - low))
 
 
-def test_commands_beyond_their_range_are_clipped_and_nan_is_refused(lee1991: Cell) -> None:
+def test_commands_beyond_their_range_are_clipped_and_nan_is_refused(lee1991: CoordinationCell) -> None:
     plane = lee1991.planes[0]
     for mode in MODES:
         for wild, tame in ((1.5, 1.0), (-0.5, 0.0)):

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from armtempo.arrays import Floats
-from armtempo.planners import Cell, JointPath
+from armtempo.planners import AbstractJointPath, CoordinationCell, JointPath
 from armtempo.planners.charts._arm_sweep import ArmSweep, swept_displacements
 from armtempo.robots import Arm
 
-Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]
+Pair = tuple[tuple[Arm, Arm], tuple[AbstractJointPath, AbstractJointPath]]
 FINEST = 64
 
 
-def farthest(arm: Arm, path: JointPath, cells: int, c: int, points: list[Floats], count: int) -> Floats:
+def farthest(arm: Arm, path: AbstractJointPath, cells: int, c: int, points: list[Floats], count: int) -> Floats:
     """(shapes,) by dense sampling."""
     lam = np.concatenate([[(c + 0.5)], np.random.default_rng(c).uniform(c, c + 1, count), [c, c + 1]])
     poses = arm.link_poses(path.evaluate(lam * path.length / cells)[0])
@@ -31,7 +31,7 @@ def farthest(arm: Arm, path: JointPath, cells: int, c: int, points: list[Floats]
 
 
 @pytest.mark.parametrize("which", ["panda", "lee1991"])
-def test_no_point_gets_farther(panda_pair: Callable[[int], Pair], lee1991: Cell, which: str) -> None:
+def test_no_point_gets_farther(panda_pair: Callable[[int], Pair], lee1991: CoordinationCell, which: str) -> None:
     arm, path = (lee1991.arms[0], lee1991.paths[0])
     if which == "panda":
         arms, paths = panda_pair(7)
@@ -51,7 +51,7 @@ def test_no_point_gets_farther(panda_pair: Callable[[int], Pair], lee1991: Cell,
     assert np.median(ratios) < 1.3  # tight too, boxes about hulls included
 
 
-def test_the_farthest_of_all_shapes(lee1991: Cell) -> None:
+def test_the_farthest_of_all_shapes(lee1991: CoordinationCell) -> None:
     arm, path = lee1991.arms[1], lee1991.paths[1]
     swept = swept_displacements(arm, path, 32)
     assert sorted(swept) == [1, 2, 4, 8, 16, 32]

@@ -22,6 +22,7 @@ from armtempo.arrays import Floats
 from armtempo.configs import data_path, robot_config
 from armtempo.errors import InputError, PathError, UnknownNameError
 from armtempo.planners import (
+    AbstractJointPath,
     Arc,
     BlendedPath,
     CartesianJointPath,
@@ -233,7 +234,7 @@ def test_position_alone_leaves_a_puma_three_spare_joints() -> None:
     _check_bounds(path, low, low + path.length / 256)
 
 
-def _check_bounds(path: JointPath, low: Floats, high: Floats) -> float:
+def _check_bounds(path: AbstractJointPath, low: Floats, high: Floats) -> float:
     """Bounds are above dense samples; how much at most, of what the fastest joint does there."""
     bound = path.speed_bound(low, high)
     seen = np.abs(path.evaluate(low[:, None] + np.linspace(0.0, 1.0, 9) * (high - low)[:, None])[1]).max(axis=1)
@@ -499,7 +500,7 @@ def test_minimum_time_along_lines_and_arcs(name: str) -> None:
     assert motion.duration == pytest.approx(toppra_duration(arm, path), rel=8e-3)  # finer: in tests/benchmarks
 
 
-def toppra_duration(arm: Arm, path: JointPath, intervals: int = 1500) -> float:
+def toppra_duration(arm: Arm, path: AbstractJointPath, intervals: int = 1500) -> float:
     """The oracle: toppra with the arm's inverse dynamics and limits."""
 
     class Geometry(ta.interpolator.AbstractGeometricPath):  # type: ignore[misc]

@@ -13,13 +13,21 @@ import pytest
 
 from armtempo.configs import data_path
 from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError, UnknownNameError
-from armtempo.planners import METHODS, BlendedPath, CartesianJointPath, Cell, build_cell, load_cell, schedule
+from armtempo.planners import (
+    METHODS,
+    BlendedPath,
+    CartesianJointPath,
+    CoordinationCell,
+    build_cell,
+    load_cell,
+    schedule,
+)
 
 Cells = Callable[..., Path]
 Change = Callable[[dict[str, Any]], object]
 
 
-def test_the_bundled_cell(lee1991: Cell) -> None:
+def test_the_bundled_cell(lee1991: CoordinationCell) -> None:
     assert lee1991.name == "lee1991"
     assert [arm.name for arm in lee1991.arms] == ["master", "slave"]
     assert (lee1991.d_min, lee1991.physics_tick, lee1991.control_period) == (0.01, 0.001, 0.004)
@@ -33,7 +41,7 @@ def test_the_bundled_cell(lee1991: Cell) -> None:
     np.testing.assert_allclose(q_slave, [math.pi - q_master[0], -q_master[1]], atol=1e-12)  # mirror images
 
 
-def test_a_file_of_the_users_own_is_the_same_cell(write_cell: Cells, lee1991: Cell) -> None:
+def test_a_file_of_the_users_own_is_the_same_cell(write_cell: Cells, lee1991: CoordinationCell) -> None:
     own = load_cell(write_cell(lambda data: data.update(name="mine")))
     assert own.name == "mine"
     assert own.fastest[0].duration == lee1991.fastest[0].duration
@@ -159,7 +167,7 @@ def test_an_obstacle_beside_the_path_is_none(write_cell: Cells) -> None:
 
 
 @pytest.mark.parametrize("room", [-2e-4, 2e-4])
-def test_obstacles_are_kept_off_to_the_reserve(write_cell: Cells, lee1991: Cell, room: float) -> None:
+def test_obstacles_are_kept_off_to_the_reserve(write_cell: Cells, lee1991: CoordinationCell, room: float) -> None:
     """A post beyond the end of the master's path, just inside and just outside of d_min and the reserve."""
     end = lee1991.paths[0].evaluate(lee1991.paths[0].length)[0]
     tip = lee1991.arms[0].tip_pose(end)[:3, 3]
@@ -197,7 +205,7 @@ def test_enough_torque_to_hold_is_enough_to_plan(write_cell: Cells) -> None:
     assert plan.gap_percent >= -0.1
 
 
-def test_a_reserve_of_torque_costs_time(write_cell: Cells, lee1991: Cell) -> None:
+def test_a_reserve_of_torque_costs_time(write_cell: Cells, lee1991: CoordinationCell) -> None:
     cell = load_cell(write_cell(lambda data: data.update(torque_reserve=0.19)))
     assert cell.fastest[0].duration == pytest.approx(lee1991.fastest[0].duration / 0.9, rel=1e-6)
     assert cell.dynamics[0].torque_max[0].tolist() == pytest.approx([20.25, 5.67])
@@ -308,8 +316,8 @@ def test_any_arm_follows_lines_with_blended_corners(write_cell: Cells) -> None:
     assert cell.priority_class == "free"
 
 
-def test_a_cell_travels_to_other_processes(lee1991: Cell) -> None:
-    copy: Cell = pickle.loads(pickle.dumps(lee1991))
+def test_a_cell_travels_to_other_processes(lee1991: CoordinationCell) -> None:
+    copy: CoordinationCell = pickle.loads(pickle.dumps(lee1991))
     assert copy.config == lee1991.config
     assert copy.config.source == lee1991.config.source
     np.testing.assert_array_equal(copy.fastest[1].mu, lee1991.fastest[1].mu)

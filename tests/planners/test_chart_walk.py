@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Ints
 from armtempo.errors import InputError
-from armtempo.planners import Cell, CoordinationChart
+from armtempo.planners import CoordinationCell, CoordinationChart
 
 FREE = 0
 
@@ -67,7 +67,7 @@ def test_a_diagonal_touches_the_corners() -> None:
     assert chart.is_free_along(0.25, 0.25)
 
 
-def test_wrong_curves_are_refused(lee1991: Cell) -> None:
+def test_wrong_curves_are_refused(lee1991: CoordinationCell) -> None:
     chart = lee1991.chart
     for a, b, what in (
         ([0.0, 0.1], [0.0], "shapes"),
@@ -97,7 +97,7 @@ def test_passable_cells_are_those_on_some_monotone_walk(seed: int, share: float)
     np.testing.assert_array_equal(chart.swapped.passable, wanted.T)
 
 
-def test_deadlocks_and_dead_ends_are_not_passable(lee1991: Cell) -> None:
+def test_deadlocks_and_dead_ends_are_not_passable(lee1991: CoordinationCell) -> None:
     # A pocket open to the south-west is a deadlock; one open to the north-east cannot be entered.
     states = np.zeros((8, 8), dtype=np.int64)
     states[4, 1:5] = states[1:5, 4] = 1

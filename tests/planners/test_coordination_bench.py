@@ -7,16 +7,16 @@ import math
 
 import pytest
 
-from armtempo.planners import BenchResult, Cell, CellLabels, bench_cell, bench_claims, label_cell, schedule
+from armtempo.planners import BenchResult, CellLabels, CoordinationCell, bench_cell, bench_claims, label_cell, schedule
 
 
 @pytest.fixture(scope="module")
-def labels(lee1991: Cell) -> CellLabels:
+def labels(lee1991: CoordinationCell) -> CellLabels:
     return label_cell(lee1991)
 
 
 @pytest.fixture(scope="module")
-def results(lee1991: Cell, labels: CellLabels) -> dict[str, BenchResult]:
+def results(lee1991: CoordinationCell, labels: CellLabels) -> dict[str, BenchResult]:
     methods = ("sequential", "delay", "vci", "interval", "optimal")
     return {one.method: one for one in bench_cell(lee1991, labels, methods, engine="coal", family="planar")}
 
@@ -25,7 +25,7 @@ def broken(results: dict[str, BenchResult]) -> set[str]:
     return {claim.text for claim in bench_claims(list(results.values())) if claim.broken}
 
 
-def test_all_methods_plan_the_papers_cell(results: dict[str, BenchResult], lee1991: Cell) -> None:
+def test_all_methods_plan_the_papers_cell(results: dict[str, BenchResult], lee1991: CoordinationCell) -> None:
     for result in results.values():
         assert result.solved
         assert result.violations == ()
@@ -64,8 +64,10 @@ def test_a_plan_of_what_is_infeasible_breaks_a_claim(results: dict[str, BenchRes
     assert any("solved by nobody" in text for text in broken(worse))
 
 
-def test_a_colliding_plan_is_reported(lee1991: Cell, labels: CellLabels, monkeypatch: pytest.MonkeyPatch) -> None:
-    def careless(cell: Cell, method: str, **_: object) -> object:
+def test_a_colliding_plan_is_reported(
+    lee1991: CoordinationCell, labels: CellLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def careless(cell: CoordinationCell, method: str, **_: object) -> object:
         return dataclasses.replace(schedule(cell, method), trajectories=cell.fastest)
 
     monkeypatch.setattr("armtempo.planners.instances._bench.schedule", careless)

@@ -9,13 +9,23 @@ import numpy as np
 import pytest
 
 from armtempo.errors import InputError
-from armtempo.planners import Arc, CartesianPath, Cell, CoordinationChart, JointPath, PathDynamics, TwoLinkPath
+from armtempo.planners import (
+    AbstractJointPath,
+    Arc,
+    CartesianPath,
+    CoordinationCell,
+    CoordinationChart,
+    PathDynamics,
+    TwoLinkPath,
+)
 from armtempo.robots import Arm, Clearance, Tool
 
 FREE, UNDECIDED, BLOCKED = 0, 1, 2
 
 
-def audit(chart: CoordinationChart, clearance: Clearance, paths: tuple[JointPath, ...], points: int) -> tuple[int, int]:
+def audit(
+    chart: CoordinationChart, clearance: Clearance, paths: tuple[AbstractJointPath, ...], points: int
+) -> tuple[int, int]:
     """No free cell with a distance below d_min, no blocked one with one above it; returns how many were seen."""
     rng = np.random.default_rng(11)
     lam = rng.uniform(0.0, 1.0, (points, 2)) * [chart.length_a, chart.length_b]
@@ -37,8 +47,8 @@ def audit(chart: CoordinationChart, clearance: Clearance, paths: tuple[JointPath
     return int((states == FREE).sum()), int((states == BLOCKED).sum())
 
 
-def test_the_papers_chart_is_true_at_20000_points(lee1991: Cell) -> None:
-    for chart in (lee1991.chart, lee1991.bound_chart):
+def test_the_papers_chart_is_true_at_20000_points(lee1991: CoordinationCell) -> None:
+    for chart in (lee1991.chart, lee1991.bound_chart_between(0, 1)):
         free, blocked = audit(chart, lee1991.clearance, lee1991.paths, 10000)
         assert free > 2000
         assert blocked > 1000
@@ -48,15 +58,15 @@ def test_the_papers_chart_is_true_at_20000_points(lee1991: Cell) -> None:
         assert max(chart.step_a, chart.step_b) <= lee1991.config.chart_tolerance_m
         assert chart.pair_queries < 4 * chart.resolution**2 / 100
     assert lee1991.chart.d_min == pytest.approx(0.0105)
-    assert lee1991.bound_chart.d_min == 0.01
+    assert lee1991.bound_chart_between(0, 1).d_min == 0.01
 
 
-def test_more_clearance_frees_nothing(lee1991: Cell) -> None:
-    assert (lee1991.chart.states != FREE)[lee1991.bound_chart.states == BLOCKED].all()
-    assert (lee1991.bound_chart.states == FREE)[lee1991.chart.states == FREE].all()
+def test_more_clearance_frees_nothing(lee1991: CoordinationCell) -> None:
+    assert (lee1991.chart.states != FREE)[lee1991.bound_chart_between(0, 1).states == BLOCKED].all()
+    assert (lee1991.bound_chart_between(0, 1).states == FREE)[lee1991.chart.states == FREE].all()
 
 
-def test_a_coarse_chart_never_contradicts_a_fine_one(lee1991: Cell) -> None:
+def test_a_coarse_chart_never_contradicts_a_fine_one(lee1991: CoordinationCell) -> None:
     coarse = CoordinationChart.build(
         lee1991.arms[0], lee1991.paths[0], lee1991.arms[1], lee1991.paths[1], lee1991.planned_clearance, 0.003
     )
@@ -67,7 +77,9 @@ def test_a_coarse_chart_never_contradicts_a_fine_one(lee1991: Cell) -> None:
 
 
 @pytest.fixture(scope="module")
-def with_tools(make_arm: Callable[..., Arm], lee1991: Cell) -> tuple[tuple[Arm, ...], tuple[JointPath, ...]]:
+def with_tools(
+    make_arm: Callable[..., Arm], lee1991: CoordinationCell
+) -> tuple[tuple[Arm, ...], tuple[AbstractJointPath, ...]]:
     """Boxes as tools: shapes that are no capsules, which FCL has to settle."""
     half = np.array([0.02, 0.012, 0.03])
     hull = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
@@ -84,7 +96,7 @@ def with_tools(make_arm: Callable[..., Arm], lee1991: Cell) -> tuple[tuple[Arm, 
     return tuple(arms), tuple(paths)
 
 
-def test_hulls_are_settled_by_fcl(with_tools: tuple[tuple[Arm, ...], tuple[JointPath, ...]]) -> None:
+def test_hulls_are_settled_by_fcl(with_tools: tuple[tuple[Arm, ...], tuple[AbstractJointPath, ...]]) -> None:
     arms, paths = with_tools
     chart = CoordinationChart.build(arms[0], paths[0], arms[1], paths[1], 0.004, 0.0015)
     assert chart.shape_queries > 0
@@ -113,7 +125,7 @@ def test_charts_of_random_paths_are_true(
     assert chart.share(UNDECIDED) < 0.05
 
 
-def test_what_is_read_off_agrees_with_the_cells(lee1991: Cell) -> None:
+def test_what_is_read_off_agrees_with_the_cells(lee1991: CoordinationCell) -> None:
     chart = lee1991.chart
     states, rng = chart.states, np.random.default_rng(5)
     for lam_a, lam_b in rng.uniform(0.0, 1.0, (300, 2)) * [chart.length_a, chart.length_b]:
@@ -134,7 +146,7 @@ def test_what_is_read_off_agrees_with_the_cells(lee1991: Cell) -> None:
         assert chart.is_free(box[0], box[1]) == bool((states[a[0] : a[1], b[0] : b[1]] == FREE).all())
 
 
-def test_the_closure_is_the_lowest_collision_point_from_here_on(lee1991: Cell) -> None:
+def test_the_closure_is_the_lowest_collision_point_from_here_on(lee1991: CoordinationCell) -> None:
     chart = lee1991.chart
     lowest = math.inf
     assert chart.closure[-1] == math.inf
@@ -148,7 +160,7 @@ def test_the_closure_is_the_lowest_collision_point_from_here_on(lee1991: Cell) -
         assert chart.last_column[j] == (columns[-1] if len(columns) else -1)
 
 
-def test_swapped_is_the_other_arms_view(lee1991: Cell) -> None:
+def test_swapped_is_the_other_arms_view(lee1991: CoordinationCell) -> None:
     chart, other = lee1991.chart, lee1991.chart.swapped
     np.testing.assert_array_equal(other.states, chart.states.T)
     assert (other.length_a, other.length_b, other.d_min) == (chart.length_b, chart.length_a, chart.d_min)
@@ -161,7 +173,7 @@ def test_swapped_is_the_other_arms_view(lee1991: Cell) -> None:
     np.testing.assert_array_equal(back.states, direct.states)
 
 
-def test_far_arms_never_meet(make_arm: Callable[..., Arm], lee1991: Cell) -> None:
+def test_far_arms_never_meet(make_arm: Callable[..., Arm], lee1991: CoordinationCell) -> None:
     T = np.eye(4)
     T[0, 3] = 5.0
     far = make_arm(T_world_base=T)
@@ -180,7 +192,7 @@ def test_far_arms_never_meet(make_arm: Callable[..., Arm], lee1991: Cell) -> Non
     assert chart.next_collision(0.1, 0.1) == math.inf
 
 
-def test_wrong_questions_are_refused(lee1991: Cell) -> None:
+def test_wrong_questions_are_refused(lee1991: CoordinationCell) -> None:
     chart = lee1991.chart
     for wrong in (-0.1, 0.5, math.nan, (0.2, 0.1)):
         with pytest.raises(InputError, match="is outside the path"):

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from armtempo.cache import cache_folder, cached, content_key
 from armtempo.planners import CoordinationChart, JointPath, clearance_table
-from armtempo.planners._disk_cache import cache_folder, cached, content_key
 from armtempo.planners.charts import _coordination_chart as coordination_chart
 from armtempo.planners.charts import _quadtree as quadtree
 from armtempo.robots import Arm

@@ -17,6 +17,7 @@ from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InfeasibleError
 from armtempo.planners import (
+    AbstractJointPath,
     JointPath,
     PathDynamics,
     PhasePlane,
@@ -32,7 +33,7 @@ LIMITS = (80.0, 20.0)
 SLOW_LIMITS = (30.0, 8.0)
 
 
-def random_path(seed: int, dof: int = 2) -> JointPath:
+def random_path(seed: int, dof: int = 2) -> AbstractJointPath:
     return JointPath.through(np.random.default_rng(seed).uniform(-1.2, 1.2, (5, dof)))
 
 

@@ -10,18 +10,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import ENGINES, Cell, audit_clearance, default_engine, load_cell, schedule
+from armtempo.planners import ENGINES, CoordinationCell, audit_clearance, default_engine, load_cell, schedule
 from armtempo.planners.schedules._audit import COAL_ERROR, _bullet_error, _by_coal, _by_pybullet
 from armtempo.robots import Shape, pack_bodies, separation, static_shape
 
 
 @pytest.fixture(scope="module")
-def panda_pair() -> Cell:
+def panda_pair() -> CoordinationCell:
     return load_cell("panda-pair")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_collision_is_found(lee1991: Cell, engine: str) -> None:
+def test_a_collision_is_found(lee1991: CoordinationCell, engine: str) -> None:
     """Both arms at full speed from the start collide."""
     audit = audit_clearance(lee1991, lee1991.fastest, engine=engine)  # type: ignore[arg-type]
     assert audit.violated
@@ -30,7 +30,7 @@ def test_a_collision_is_found(lee1991: Cell, engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_plan_passes_and_engines_agree(lee1991: Cell, engine: str) -> None:
+def test_a_plan_passes_and_engines_agree(lee1991: CoordinationCell, engine: str) -> None:
     plan = schedule(lee1991, "delay")
     audit = audit_clearance(lee1991, plan.trajectories, engine=engine)  # type: ignore[arg-type]
     assert not audit.violated
@@ -39,7 +39,7 @@ def test_a_plan_passes_and_engines_agree(lee1991: Cell, engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_plan_that_starts_too_early_is_found(lee1991: Cell, engine: str) -> None:
+def test_a_plan_that_starts_too_early_is_found(lee1991: CoordinationCell, engine: str) -> None:
     """The reserve and the chart's cells are worth milliseconds; no more than that may be forgiven."""
     plan = schedule(lee1991, "delay")
     wait = plan.trajectories[1].duration - lee1991.fastest[1].duration
@@ -48,7 +48,7 @@ def test_a_plan_that_starts_too_early_is_found(lee1991: Cell, engine: str) -> No
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_hulls(panda_pair: Cell, engine: str) -> None:
+def test_hulls(panda_pair: CoordinationCell, engine: str) -> None:
     period = 0.02
     together = audit_clearance(panda_pair, panda_pair.fastest, engine=engine, period=period)  # type: ignore[arg-type]
     assert together.violated
@@ -92,7 +92,7 @@ def test_no_engine_reads_too_long_nor_shorter_than_it_forgives(pair: tuple[Shape
         assert (told[near] >= truth[near] - error).all()
 
 
-def test_wrong_questions(lee1991: Cell) -> None:
+def test_wrong_questions(lee1991: CoordinationCell) -> None:
     assert default_engine() == "coal"  # of the extra dev, which tests need
     with pytest.raises(UnknownNameError, match="pybullet"):
         audit_clearance(lee1991, lee1991.fastest, engine="fcl")  # type: ignore[arg-type]

@@ -15,12 +15,12 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, Instance, label_cell, load_instance, save_instance, schedule
+from armtempo.planners import CoordinationCell, Instance, label_cell, load_instance, save_instance, schedule
 from armtempo.planners.instances._instance_file import COEFFICIENTS, pack_states, unpack_states
 
 
 @pytest.fixture(scope="module")
-def file(lee1991: Cell, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(lee1991: CoordinationCell, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("instances") / "lee1991.npz"
     save_instance(file, lee1991, label_cell(lee1991), family="planar")
     return file
@@ -38,7 +38,7 @@ def test_states_come_back(states: NDArray[np.uint8]) -> None:
     np.testing.assert_array_equal(unpack_states(packed, len(states)), states)
 
 
-def test_charts_and_coefficients_come_back(instance: Instance, lee1991: Cell) -> None:
+def test_charts_and_coefficients_come_back(instance: Instance, lee1991: CoordinationCell) -> None:
     for i, j in ((0, 1), (1, 0)):
         for read, built in (
             (instance.timing.chart_between(i, j), lee1991.chart_between(i, j)),
@@ -57,13 +57,13 @@ def test_charts_and_coefficients_come_back(instance: Instance, lee1991: Cell) ->
 
 
 @pytest.mark.parametrize("method", ["delay", "vci", "optimal"])
-def test_plans_are_the_cells_own(instance: Instance, lee1991: Cell, method: str) -> None:
+def test_plans_are_the_cells_own(instance: Instance, lee1991: CoordinationCell, method: str) -> None:
     for motion, own in zip(instance.plan(method), schedule(lee1991, method).trajectories, strict=True):
         np.testing.assert_allclose(motion.time, own.time, rtol=1e-12)
         np.testing.assert_allclose(motion.lam, own.lam, rtol=1e-12)
 
 
-def test_a_cell_is_an_instance_too(lee1991: Cell) -> None:
+def test_a_cell_is_an_instance_too(lee1991: CoordinationCell) -> None:
     fresh = Instance.of(lee1991, label_cell(lee1991))
     assert fresh.timing.bound.time == lee1991.lower_bound
     with pytest.raises(UnknownNameError, match="interval"):

@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, PhasePlane, TwoLinkPath, minimum_time
+from armtempo.planners import (
+    Arc,
+    CartesianPath,
+    CoordinationCell,
+    Line,
+    PathDynamics,
+    PhasePlane,
+    TwoLinkPath,
+    minimum_time,
+)
 from armtempo.robots import Arm
 
 SplineDynamics = Callable[..., PathDynamics]
@@ -70,7 +79,7 @@ def integrator(length: float, limit: float, stations: int = 400, speed: float = 
     )
 
 
-def test_the_papers_arm_takes_its_time(lee1991: Cell) -> None:
+def test_the_papers_arm_takes_its_time(lee1991: CoordinationCell) -> None:
     for dynamics in lee1991.dynamics:
         motion = minimum_time(dynamics)
         assert motion.duration == pytest.approx(0.2862, abs=0.0003)
@@ -80,13 +89,13 @@ def test_the_papers_arm_takes_its_time(lee1991: Cell) -> None:
         assert motion.certificate.end_speed_error == 0.0
 
 
-def test_toppra_agrees_on_the_papers_arm(lee1991: Cell) -> None:
+def test_toppra_agrees_on_the_papers_arm(lee1991: CoordinationCell) -> None:
     dynamics = lee1991.dynamics[0]
     assert minimum_time(dynamics).duration == pytest.approx(toppra_duration(dynamics), abs=1e-4)
     assert minimum_time(dynamics, 0.3, 0.5).duration == pytest.approx(toppra_duration(dynamics, 0.3, 0.5), abs=1e-4)
 
 
-def test_the_grid_is_fine_enough_for_the_papers_arm(lee1991: Cell) -> None:
+def test_the_grid_is_fine_enough_for_the_papers_arm(lee1991: CoordinationCell) -> None:
     arm, path = lee1991.arms[0], lee1991.paths[0]
     fine = minimum_time(PathDynamics.from_path(arm, path, intervals=8000)).duration
     assert lee1991.fastest[0].duration == pytest.approx(fine, rel=1e-3)
@@ -189,7 +198,7 @@ def test_more_torque_is_never_slower(spline_dynamics: SplineDynamics, seed: int,
     assert strong <= weak * (1 + 1e-9)
 
 
-def test_the_joint_speed_limit_is_kept_and_binds(make_arm: Callable[..., Arm], lee1991: Cell) -> None:
+def test_the_joint_speed_limit_is_kept_and_binds(make_arm: Callable[..., Arm], lee1991: CoordinationCell) -> None:
     arm = make_arm(speed_max=(4.0, 5.0))
     motion = minimum_time(PathDynamics.from_path(arm, lee1991.paths[0]))
     speed = np.abs(lee1991.paths[0].evaluate(motion.lam)[1]) * motion.mu[:, None]
@@ -226,7 +235,9 @@ def test_breakpoints_hold_on_both_sides(make_arm: Callable[..., Arm], length: fl
     assert (np.abs(motion.torque()).reshape(-1, 2) <= np.array([25.0, 7.0]) * (1 + excess)).all()
 
 
-def test_too_little_torque_to_hold_names_station_and_joint(make_arm: Callable[..., Arm], lee1991: Cell) -> None:
+def test_too_little_torque_to_hold_names_station_and_joint(
+    make_arm: Callable[..., Arm], lee1991: CoordinationCell
+) -> None:
     arm = make_arm(name="left", gravity=(0.0, -9.81, 0.0), torque_max=(80.0, 1.0))
     with pytest.raises(
         InfeasibleError, match=r"joint 'joint_2' of arm 'left' needs .* N m to hold still at station .*raise limits"
@@ -305,7 +316,7 @@ def test_limits_may_change_along_the_path() -> None:
 
 
 def test_the_boundary_of_the_admissible_region_is_above_the_controllable_set(
-    lee1991: Cell, spline_dynamics: SplineDynamics
+    lee1991: CoordinationCell, spline_dynamics: SplineDynamics
 ) -> None:
     for plane in (lee1991.planes[0], PhasePlane(spline_dynamics(5))):
         limit = plane.speed_limit()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners import Cell, CoordinationChart, JointPath, clearance_table, tabulated_clearance
+from armtempo.planners import CoordinationCell, CoordinationChart, JointPath, clearance_table, tabulated_clearance
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.robots import Arm, Clearance, Shape
 
@@ -109,7 +109,9 @@ def coal_distance(arms: tuple[Arm, ...], shapes: list[list[Any]], qs: list[Float
 
 
 @pytest.mark.parametrize("which", ["pandas", "lee1991"])
-def test_coal_finds_no_contradiction(pair: Pair, chart: CoordinationChart, lee1991: Cell, which: str) -> None:
+def test_coal_finds_no_contradiction(
+    pair: Pair, chart: CoordinationChart, lee1991: CoordinationCell, which: str
+) -> None:
     (arms, paths), own = (pair, chart) if which == "pandas" else ((lee1991.arms, lee1991.paths), lee1991.chart)
     hulls = [[coal_shape(shape) for shape in arm.shapes] for arm in arms]
     lam, states = samples(own, 700 if which == "pandas" else 3000)
@@ -123,7 +125,9 @@ def test_coal_finds_no_contradiction(pair: Pair, chart: CoordinationChart, lee19
 
 
 @pytest.mark.parametrize("which", ["pandas", "lee1991"])
-def test_pybullet_finds_no_contradiction(pair: Pair, chart: CoordinationChart, lee1991: Cell, which: str) -> None:
+def test_pybullet_finds_no_contradiction(
+    pair: Pair, chart: CoordinationChart, lee1991: CoordinationCell, which: str
+) -> None:
     """Its hulls have a margin of 1 mm each: distances may be 2 mm short (research/coordination.md 1.2)."""
     (arms, paths), own = (pair, chart) if which == "pandas" else ((lee1991.arms, lee1991.paths), lee1991.chart)
     margin = 2.2e-3 if which == "pandas" else 1e-6

@@ -11,7 +11,7 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners import Arc, CartesianPath, Cell, Line, PathDynamics, TwoLinkPath
+from armtempo.planners import Arc, CartesianPath, CoordinationCell, Line, PathDynamics, TwoLinkPath
 from armtempo.robots import Arm
 
 
@@ -24,7 +24,7 @@ def appendix(q: Floats, qd: Floats, qdd: Floats) -> Floats:
     return np.stack([u1, u2], axis=-1)
 
 
-def test_the_rows_are_the_papers_dynamics(lee1991: Cell) -> None:
+def test_the_rows_are_the_papers_dynamics(lee1991: CoordinationCell) -> None:
     for dynamics, path in zip(lee1991.dynamics, lee1991.paths, strict=True):
         q, dq, ddq = path.evaluate(dynamics.grid)
         np.testing.assert_allclose(dynamics.M, appendix(q, 0 * dq, dq), atol=1e-9)
@@ -35,7 +35,7 @@ def test_the_rows_are_the_papers_dynamics(lee1991: Cell) -> None:
         np.testing.assert_array_equal(dynamics.torque_min, -dynamics.torque_max)
 
 
-def test_torques_are_exact_between_stations_and_equal_inverse_dynamics(lee1991: Cell) -> None:
+def test_torques_are_exact_between_stations_and_equal_inverse_dynamics(lee1991: CoordinationCell) -> None:
     rng = np.random.default_rng(1)
     dynamics, path = lee1991.dynamics[0], lee1991.paths[0]
     lam, mu, mu_dot = rng.uniform(0, path.length, (4, 25)), rng.uniform(0, 3, (4, 25)), rng.uniform(-40, 40, (4, 25))
@@ -57,7 +57,7 @@ def test_gravity_is_in_S(make_arm: Callable[..., Arm]) -> None:
     )
 
 
-def test_reserve_and_speed_limits_are_taken_off(make_arm: Callable[..., Arm], lee1991: Cell) -> None:
+def test_reserve_and_speed_limits_are_taken_off(make_arm: Callable[..., Arm], lee1991: CoordinationCell) -> None:
     path = lee1991.paths[0]
     arm = make_arm(speed_max=(2.0, 3.0))
     dynamics = PathDynamics.from_path(arm, path, intervals=50, torque_reserve=0.1)

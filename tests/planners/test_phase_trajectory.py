@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, PathDynamics, PhasePlane, PhaseTrajectory, minimum_time
+from armtempo.planners import CoordinationCell, PathDynamics, PhasePlane, PhaseTrajectory, minimum_time
 
 
-def test_time_and_place_are_inverse(lee1991: Cell) -> None:
+def test_time_and_place_are_inverse(lee1991: CoordinationCell) -> None:
     for motion in (lee1991.fastest[0], lee1991.fastest[0].delayed(0.1)):
         t = np.linspace(motion.duration - 0.286, motion.duration, 997).reshape(-1, 1)
         lam, mu, _ = motion.at(t)
@@ -25,7 +25,7 @@ def test_time_and_place_are_inverse(lee1991: Cell) -> None:
         np.testing.assert_allclose((motion.at(inner + h)[0] - motion.at(inner - h)[0]) / (2 * h), mu[2:-2], atol=1e-4)
 
 
-def test_before_and_after_the_motion_stands_still(lee1991: Cell) -> None:
+def test_before_and_after_the_motion_stands_still(lee1991: CoordinationCell) -> None:
     motion = lee1991.fastest[1]
     lam, mu, mu_dot = motion.at(np.array([-1.0, 0.0, motion.duration + 1.0]))
     assert lam.tolist() == [0.0, 0.0, motion.lam[-1]]
@@ -51,14 +51,14 @@ def test_delays_add_up(delay: float) -> None:
     np.testing.assert_allclose(again.time, late.time, atol=1e-9)
 
 
-def test_a_motion_that_starts_with_speed_cannot_wait(lee1991: Cell) -> None:
+def test_a_motion_that_starts_with_speed_cannot_wait(lee1991: CoordinationCell) -> None:
     motion = minimum_time(lee1991.dynamics[0], 0.3)
     assert motion.delayed(0.0) is motion
     with pytest.raises(InfeasibleError, match=r"mu = 0\.3 cannot wait"):
         motion.delayed(0.1)
 
 
-def test_a_dwell_on_the_way_is_one(lee1991: Cell) -> None:
+def test_a_dwell_on_the_way_is_one(lee1991: CoordinationCell) -> None:
     plane = lee1991.planes[0]
     motion = plane.motion([1.0, 0.0, 1.0], [0.1, 0.3, np.inf])
     still = motion.at(np.array([0.3, 0.35, 0.3999]))
@@ -70,7 +70,7 @@ def test_a_dwell_on_the_way_is_one(lee1991: Cell) -> None:
     assert motion.certificate.torque_excess < 1e-3
 
 
-def test_torques_at_both_ends_of_every_interval(lee1991: Cell) -> None:
+def test_torques_at_both_ends_of_every_interval(lee1991: CoordinationCell) -> None:
     motion = lee1991.fastest[0]
     torque = motion.torque()
     assert torque.shape == (len(motion.lam) - 1, 2, 2)
@@ -86,7 +86,7 @@ def changed(motion: PhaseTrajectory, lam: Floats | None = None, mu: Floats | Non
     )
 
 
-def test_the_certificate_catches_what_is_wrong(lee1991: Cell) -> None:
+def test_the_certificate_catches_what_is_wrong(lee1991: CoordinationCell) -> None:
     motion = lee1991.fastest[0]
     good = motion.certificate
     assert good.torque_excess < 1e-6
@@ -103,7 +103,7 @@ def test_the_certificate_catches_what_is_wrong(lee1991: Cell) -> None:
     assert short.end_speed_error == motion.mu[-11] > 0.0
 
 
-def test_the_certificate_asks_the_robot_not_the_rows(lee1991: Cell) -> None:
+def test_the_certificate_asks_the_robot_not_the_rows(lee1991: CoordinationCell) -> None:
     """Wrong coefficients: the planner believes them, the certificate does not."""
     good = lee1991.dynamics[0]
     wrong = PathDynamics(good.grid, 0.5 * good.M, good.Q, good.R, good.S, good.torque_min, good.torque_max)
@@ -125,7 +125,7 @@ def test_the_certificate_sees_inside_the_intervals(spline_dynamics: Callable[...
     assert len(refined.lam) > len(motion.lam)
 
 
-def test_arrays_are_read_only(lee1991: Cell) -> None:
+def test_arrays_are_read_only(lee1991: CoordinationCell) -> None:
     with pytest.raises(ValueError, match="read-only"):
         lee1991.fastest[0].mu[3] = 0.0
     with pytest.raises(ValueError, match="read-only"):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import Cell, CoordinationChart, PhaseTrajectory, Precedence
+from armtempo.planners import CoordinationCell, CoordinationChart, PhaseTrajectory, Precedence
 
 CELLS = 24
 
@@ -28,7 +28,7 @@ def blocked(*boxes: tuple[float, float, float, float], cells: int = 100) -> NDAr
     return states
 
 
-def random_motions(cell: Cell, random: np.random.Generator, arms: int) -> list[PhaseTrajectory]:
+def random_motions(cell: CoordinationCell, random: np.random.Generator, arms: int) -> list[PhaseTrajectory]:
     """Motions of the paper's master that start late, slow down and stop on the way."""
     motions = []
     for _ in range(arms):
@@ -72,7 +72,7 @@ def last_inside(motion: PhaseTrajectory, cell: int) -> float:
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), arms=st.integers(2, 4))
-def test_any_execution_that_obeys_the_limits_of_a_plan(lee1991: Cell, seed: int, arms: int) -> None:
+def test_any_execution_that_obeys_the_limits_of_a_plan(lee1991: CoordinationCell, seed: int, arms: int) -> None:
     """Never in a cell that is not free, and never stuck, whoever moves when, and how far."""
     random = np.random.default_rng(seed)
     motions = random_motions(lee1991, random, arms)
@@ -111,7 +111,7 @@ def test_any_execution_that_obeys_the_limits_of_a_plan(lee1991: Cell, seed: int,
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6))
-def test_limits_against_brute_force(lee1991: Cell, seed: int) -> None:
+def test_limits_against_brute_force(lee1991: CoordinationCell, seed: int) -> None:
     random = np.random.default_rng(seed)
     motions = random_motions(lee1991, random, 2)
     charts = random_charts(motions, random)
@@ -128,7 +128,7 @@ def test_limits_against_brute_force(lee1991: Cell, seed: int) -> None:
     np.testing.assert_allclose(order.limit(1, 0), limits[1])
 
 
-def test_two_regions_in_opposite_orders(lee1991: Cell) -> None:
+def test_two_regions_in_opposite_orders(lee1991: CoordinationCell) -> None:
     """At once and at full speed the first passes one region first, the second the other."""
     motion = lee1991.fastest[0]
     states = blocked((0.2, 0.3, 0.35, 0.5), (0.75, 0.9, 0.6, 0.7))
@@ -142,7 +142,7 @@ def test_two_regions_in_opposite_orders(lee1991: Cell) -> None:
     assert order.waits_for(0, [0.0, 0.8 * length]) == ()
 
 
-def test_a_plan_that_collides(lee1991: Cell) -> None:
+def test_a_plan_that_collides(lee1991: CoordinationCell) -> None:
     motion = lee1991.fastest[0]
     length = motion.dynamics.length
     with pytest.raises(InfeasibleError, match=r"'master' at .* and arm 'master' at .* collision region"):

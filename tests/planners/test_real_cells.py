@@ -13,17 +13,17 @@ import yaml
 
 from armtempo.configs import bundled_cells, data_path, parse_cell_config
 from armtempo.errors import ConfigError, InputError, PathError
-from armtempo.planners import Cell, WaypointPath, build_cell, load_cell
+from armtempo.planners import CoordinationCell, WaypointPath, build_cell, load_cell
 
 REAL = ("panda-pair", "iiwa-pair", "planar-four")
 
 
 @pytest.fixture(scope="module", params=REAL)
-def cell(request: pytest.FixtureRequest) -> Cell:
+def cell(request: pytest.FixtureRequest) -> CoordinationCell:
     return load_cell(request.param)
 
 
-def clearance(cell: Cell, i: int, j: int, shares: tuple[np.ndarray, np.ndarray]) -> float:
+def clearance(cell: CoordinationCell, i: int, j: int, shares: tuple[np.ndarray, np.ndarray]) -> float:
     """Smallest distance of two arms while both go along their paths by the given shares."""
     q_i, q_j = (
         cell.paths[k].evaluate(share * cell.paths[k].length)[0] for k, share in zip((i, j), shares, strict=True)
@@ -31,7 +31,7 @@ def clearance(cell: Cell, i: int, j: int, shares: tuple[np.ndarray, np.ndarray])
     return min(cell.clearance.between(i, j, a, b, 0.05).distance for a, b in zip(q_i, q_j, strict=True))
 
 
-def test_fastest_motions_collide_and_orders_do_not(cell: Cell) -> None:
+def test_fastest_motions_collide_and_orders_do_not(cell: CoordinationCell) -> None:
     assert cell.name in bundled_cells()
     still, go = np.zeros(200), np.linspace(0.0, 1.0, 200)
     collide = set()
@@ -46,7 +46,7 @@ def test_fastest_motions_collide_and_orders_do_not(cell: Cell) -> None:
     assert len(collide) >= {2: 1, 4: 5}[len(cell.arms)]
 
 
-def test_fastest_motions_keep_every_limit(cell: Cell) -> None:
+def test_fastest_motions_keep_every_limit(cell: CoordinationCell) -> None:
     for arm, path, motion in zip(cell.arms, cell.paths, cell.fastest, strict=True):
         assert isinstance(path, WaypointPath)
         assert motion.certificate.torque_excess < 1e-3

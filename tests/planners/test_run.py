@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, JointPath, Mode, PathDynamics, PhasePlane, PhaseTrajectory, phase_kernels
+from armtempo.planners import (
+    CoordinationCell,
+    JointPath,
+    Mode,
+    PathDynamics,
+    PhasePlane,
+    PhaseTrajectory,
+    phase_kernels,
+)
 from armtempo.robots import Arm
 
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -33,7 +41,7 @@ def run(
 
 @pytest.fixture(scope="module")
 def planes(
-    lee1991: Cell, spline_dynamics: Callable[..., PathDynamics], make_arm: Callable[..., Arm]
+    lee1991: CoordinationCell, spline_dynamics: Callable[..., PathDynamics], make_arm: Callable[..., Arm]
 ) -> list[PhasePlane]:
     """The paper's two, random ones, random ones with friction; on all of them the arm can hold still everywhere."""
 

@@ -14,11 +14,19 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import METHODS, Cell, CoordinationChart, Schedule, load_cell, makespan_bound, schedule
+from armtempo.planners import (
+    METHODS,
+    CoordinationCell,
+    CoordinationChart,
+    Schedule,
+    load_cell,
+    makespan_bound,
+    schedule,
+)
 
 
 @pytest.fixture(scope="module")
-def plans(lee1991: Cell) -> dict[str, Schedule]:
+def plans(lee1991: CoordinationCell) -> dict[str, Schedule]:
     return {method: schedule(lee1991, method) for method in METHODS}
 
 
@@ -27,7 +35,7 @@ def test_the_methods_are_those_of_the_paper_and_better_ones() -> None:
     assert METHODS[5:] == ("offset", "interval", "optimal")
 
 
-def test_makespans_of_the_paper(plans: dict[str, Schedule], lee1991: Cell) -> None:
+def test_makespans_of_the_paper(plans: dict[str, Schedule], lee1991: CoordinationCell) -> None:
     assert plans["sequential"].makespan == pytest.approx(0.5724, abs=0.001)
     assert plans["sequential"].makespan == pytest.approx(lee1991.sequential_makespan)
     assert plans["delay"].makespan == pytest.approx(0.328, abs=0.002)
@@ -42,7 +50,7 @@ def test_makespans_of_the_paper(plans: dict[str, Schedule], lee1991: Cell) -> No
 
 
 @pytest.mark.parametrize("period", [0.0005, 0.001, 0.002, 0.003, 0.004, 0.0045, 0.005])
-def test_vci_by_control_period(lee1991: Cell, plans: dict[str, Schedule], period: float) -> None:
+def test_vci_by_control_period(lee1991: CoordinationCell, plans: dict[str, Schedule], period: float) -> None:
     plan = schedule(lee1991, "vci", period=period)
     assert plans["delay"].makespan - 1e-4 <= plan.makespan <= (0.345 if period <= 0.002 else 0.352)
     if period <= 0.002:
@@ -55,7 +63,7 @@ def test_vci_by_control_period(lee1991: Cell, plans: dict[str, Schedule], period
 
 
 @pytest.mark.parametrize("period", [0.0007, 0.0063, 0.0083, 0.01, 0.0123, 0.02, 0.035, 0.05])
-def test_vci_finishes_safely_with_other_periods_too(lee1991: Cell, period: float) -> None:
+def test_vci_finishes_safely_with_other_periods_too(lee1991: CoordinationCell, period: float) -> None:
     plan = schedule(lee1991, "vci", period=period)
     assert plan.makespan < 0.42
     assert plan.certificate.certified_free
@@ -63,7 +71,7 @@ def test_vci_finishes_safely_with_other_periods_too(lee1991: Cell, period: float
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_plan_certifies_itself(plans: dict[str, Schedule], lee1991: Cell, method: str) -> None:
+def test_every_plan_certifies_itself(plans: dict[str, Schedule], lee1991: CoordinationCell, method: str) -> None:
     plan = plans[method]
     assert plan.method == method
     assert plan.cell is lee1991
@@ -82,7 +90,7 @@ def test_every_plan_certifies_itself(plans: dict[str, Schedule], lee1991: Cell, 
         assert motion.mu[0] == 0.0
 
 
-def test_the_certificate_of_a_plan_that_collides_says_so(plans: dict[str, Schedule], lee1991: Cell) -> None:
+def test_the_certificate_of_a_plan_that_collides_says_so(plans: dict[str, Schedule], lee1991: CoordinationCell) -> None:
     together = Schedule(method="delay", cell=lee1991, trajectories=lee1991.fastest, order=(0, 1))
     assert not together.certificate.certified_free
     assert together.certificate.min_clearance < lee1991.d_min
@@ -96,7 +104,7 @@ def test_the_certificate_of_a_plan_that_collides_says_so(plans: dict[str, Schedu
     assert not hasty.certificate.certified_free
 
 
-def test_the_delay_is_the_shortest_one(plans: dict[str, Schedule], lee1991: Cell) -> None:
+def test_the_delay_is_the_shortest_one(plans: dict[str, Schedule], lee1991: CoordinationCell) -> None:
     wait = plans["delay"].makespan - lee1991.fastest[1].duration
     for share, free in ((1.0, True), (0.99, False), (1.05, True)):
         motions = (lee1991.fastest[0], lee1991.fastest[1].delayed(share * wait))
@@ -121,14 +129,14 @@ def chart_of(states: Floats, like: CoordinationChart) -> CoordinationChart:
     )
 
 
-def test_the_bound_without_collisions_is_the_slower_arm(lee1991: Cell) -> None:
+def test_the_bound_without_collisions_is_the_slower_arm(lee1991: CoordinationCell) -> None:
     empty = chart_of(np.zeros((64, 64)), lee1991.chart)
     a, b = lee1991.fastest
     assert makespan_bound(a, b, empty) == pytest.approx(max(a.duration, b.duration))
     assert makespan_bound(a, b.delayed(0.1), empty) == pytest.approx(b.duration + 0.1)
 
 
-def test_the_bound_behind_a_wall_is_infinite(lee1991: Cell) -> None:
+def test_the_bound_behind_a_wall_is_infinite(lee1991: CoordinationCell) -> None:
     a, b = lee1991.fastest
     states = np.zeros((64, 64))
     states[30:34, :] = 2
@@ -142,7 +150,7 @@ def test_the_bound_behind_a_wall_is_infinite(lee1991: Cell) -> None:
     assert makespan_bound(a, b, chart_of(falling, lee1991.chart)) == math.inf
 
 
-def test_the_bound_knows_the_corner_it_must_go_round(lee1991: Cell) -> None:
+def test_the_bound_knows_the_corner_it_must_go_round(lee1991: CoordinationCell) -> None:
     """A block from the middle on: one arm has to be through before the other enters; the answer is a sum of times."""
     states = np.zeros((256, 256))
     states[64:192, 64:192] = 2
@@ -153,21 +161,21 @@ def test_the_bound_knows_the_corner_it_must_go_round(lee1991: Cell) -> None:
     assert bound == pytest.approx(wanted, rel=0.005)
 
 
-def test_the_bound_is_below_every_plan_and_close(plans: dict[str, Schedule], lee1991: Cell) -> None:
+def test_the_bound_is_below_every_plan_and_close(plans: dict[str, Schedule], lee1991: CoordinationCell) -> None:
     bound = lee1991.lower_bound
     assert all(bound <= plan.makespan for plan in plans.values())
     assert plans["delay"].gap_percent < 1.0
     assert bound > max(motion.duration for motion in lee1991.fastest)
 
 
-def with_chart(cell: Cell, states: Floats) -> Cell:
+def with_chart(cell: CoordinationCell, states: Floats) -> CoordinationCell:
     copy = dataclasses.replace(cell)
     copy.__dict__["_charts"] = {(0, 1, cell.planned_clearance): chart_of(states, cell.chart)}
     return copy
 
 
 @pytest.mark.parametrize("method", ["delay", "constant-speed"])
-def test_a_start_that_is_not_safe_to_wait_in(lee1991: Cell, method: str) -> None:
+def test_a_start_that_is_not_safe_to_wait_in(lee1991: CoordinationCell, method: str) -> None:
     states = np.zeros((128, 128))
     states[20:60, :10] = 2
     cell = with_chart(lee1991, states)
@@ -182,7 +190,7 @@ def test_a_start_that_is_not_safe_to_wait_in(lee1991: Cell, method: str) -> None
 
 
 @pytest.mark.parametrize("method", ["delay", "constant-acceleration"])
-def test_a_master_that_parks_in_the_way(lee1991: Cell, method: str) -> None:
+def test_a_master_that_parks_in_the_way(lee1991: CoordinationCell, method: str) -> None:
     states = np.zeros((128, 128))
     states[100:, 60:90] = 2
     cell = with_chart(lee1991, states)
@@ -193,7 +201,9 @@ def test_a_master_that_parks_in_the_way(lee1991: Cell, method: str) -> None:
 
 
 @pytest.mark.parametrize("region", [(20, 60, 0, 10), (100, 128, 60, 90)])
-def test_velocity_control_passes_first_where_the_slave_has_to(lee1991: Cell, region: tuple[int, int, int, int]) -> None:
+def test_velocity_control_passes_first_where_the_slave_has_to(
+    lee1991: CoordinationCell, region: tuple[int, int, int, int]
+) -> None:
     states = np.zeros((128, 128))
     states[region[0] : region[1], region[2] : region[3]] = 2
     plan = schedule(with_chart(lee1991, states), "vci")
@@ -201,7 +211,7 @@ def test_velocity_control_passes_first_where_the_slave_has_to(lee1991: Cell, reg
     assert plan.makespan == pytest.approx(max(motion.duration for motion in lee1991.fastest), rel=1e-3)
 
 
-def test_where_neither_can_go_first_everywhere(lee1991: Cell) -> None:
+def test_where_neither_can_go_first_everywhere(lee1991: CoordinationCell) -> None:
     states = np.zeros((128, 128))
     states[100:, 60:90] = 2
     states[60:90, 100:] = 2
@@ -214,7 +224,7 @@ def test_where_neither_can_go_first_everywhere(lee1991: Cell) -> None:
     assert plan.certificate.torque_ratio_max < 1 + 1e-3
 
 
-def test_several_regions_are_all_passed_behind(lee1991: Cell) -> None:
+def test_several_regions_are_all_passed_behind(lee1991: CoordinationCell) -> None:
     states = np.zeros((128, 128))
     states[40:60, 30:50] = states[70:90, 60:80] = states[20:30, 100:110] = 2
     cell = with_chart(lee1991, states)
@@ -224,7 +234,7 @@ def test_several_regions_are_all_passed_behind(lee1991: Cell) -> None:
         assert plan.certificate.torque_ratio_max < 1 + 1e-3, method
 
 
-def test_one_arm_alone_takes_its_minimum_time(lee1991: Cell) -> None:
+def test_one_arm_alone_takes_its_minimum_time(lee1991: CoordinationCell) -> None:
     alone = dataclasses.replace(
         lee1991,
         arms=lee1991.arms[:1],
@@ -242,30 +252,30 @@ def test_one_arm_alone_takes_its_minimum_time(lee1991: Cell) -> None:
         assert plan.certificate.min_clearance == math.inf
 
 
-def test_unknown_methods_are_named(lee1991: Cell) -> None:
+def test_unknown_methods_are_named(lee1991: CoordinationCell) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown method 'vcj'.*did you mean 'vci'.*sequential"):
         schedule(lee1991, "vcj")
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf])
-def test_a_period_is_a_positive_number(lee1991: Cell, period: float) -> None:
+def test_a_period_is_a_positive_number(lee1991: CoordinationCell, period: float) -> None:
     with pytest.raises(InputError, match=r"control period must be positive"):
         schedule(lee1991, "vci", period=period)
 
 
 @pytest.mark.parametrize("order", [(0,), (0, 0), (1, 2), (0, 1, 2)])
-def test_an_order_names_every_arm_once(lee1991: Cell, order: tuple[int, ...]) -> None:
+def test_an_order_names_every_arm_once(lee1991: CoordinationCell, order: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="once"):
         schedule(lee1991, "delay", order=order)
 
 
-def test_a_period_is_only_for_vci(lee1991: Cell) -> None:
+def test_a_period_is_only_for_vci(lee1991: CoordinationCell) -> None:
     with pytest.raises(InputError, match="'delay' has no period"):
         schedule(lee1991, "delay", period=0.01)
 
 
 @pytest.mark.parametrize("method", ["sequential", "delay", "offset", "interval", "vci"])
-def test_either_order_can_be_asked_for(lee1991: Cell, method: str) -> None:
+def test_either_order_can_be_asked_for(lee1991: CoordinationCell, method: str) -> None:
     for order in ((0, 1), (1, 0)):
         plan = schedule(lee1991, method, order=order)
         assert plan.order == order
@@ -273,7 +283,7 @@ def test_either_order_can_be_asked_for(lee1991: Cell, method: str) -> None:
         assert plan.fallback is None
 
 
-def test_vci_falls_back_on_interval_and_says_so(lee1991: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vci_falls_back_on_interval_and_says_so(lee1991: CoordinationCell, monkeypatch: pytest.MonkeyPatch) -> None:
     """Random charts on which velocity control fails and interval does not were looked for, and not found."""
     refusal = InfeasibleError("velocity control gives up", reason="parked in the way")
 
@@ -292,13 +302,13 @@ def test_vci_falls_back_on_interval_and_says_so(lee1991: Cell, monkeypatch: pyte
         schedule(with_chart(lee1991, states), "vci")
 
 
-def test_the_class_of_the_papers_cell(lee1991: Cell) -> None:
-    assert lee1991.priority_class == lee1991.pair_class(1, 0) == "uniform"
+def test_the_class_of_the_papers_cell(lee1991: CoordinationCell) -> None:
+    assert lee1991.priority_class == lee1991.bound.classes[0, 1] == "uniform"
     assert lee1991.holdable == (True, True)
     assert lee1991.bound.time == lee1991.lower_bound
 
 
-def test_h_certified_infeasible_is_what_every_method_reports(lee1991: Cell) -> None:
+def test_h_certified_infeasible_is_what_every_method_reports(lee1991: CoordinationCell) -> None:
     states = np.zeros((128, 128))
     states[30:34, :] = 2
     cell = with_chart(lee1991, states)
@@ -314,11 +324,11 @@ def test_h_certified_infeasible_is_what_every_method_reports(lee1991: Cell) -> N
 
 
 @pytest.fixture(scope="module")
-def mixed() -> Cell:
+def mixed() -> CoordinationCell:
     return load_cell("mixed-priority")
 
 
-def test_a_cell_where_each_arm_must_pass_first_somewhere(mixed: Cell) -> None:
+def test_a_cell_where_each_arm_must_pass_first_somewhere(mixed: CoordinationCell) -> None:
     assert mixed.priority_class == "mixed"
     assert mixed.chart.regions >= 2
     for method in ("delay", "offset"):

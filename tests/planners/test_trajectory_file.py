@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from armtempo.errors import InputError
 from armtempo.planners import (
-    Cell,
+    CoordinationCell,
     JointTrajectory,
     PathDynamics,
     minimum_time,
@@ -32,7 +32,7 @@ def same(one: JointTrajectory, other: JointTrajectory) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "json", "CSV"])
-def test_round_trip_is_exact(suffix: str, lee1991: Cell, tmp_path: Path) -> None:
+def test_round_trip_is_exact(suffix: str, lee1991: CoordinationCell, tmp_path: Path) -> None:
     motion = lee1991.fastest[0]
     write_trajectory(tmp_path / f"deep/a.{suffix}", motion, 0.0007)
     same(JointTrajectory.sample(motion, 0.0007), read_trajectory(tmp_path / f"deep/a.{suffix}"))
@@ -58,7 +58,7 @@ def test_any_samples_round_trip(
 
 
 @pytest.mark.parametrize("period", [0.001, 0.0333, 10.0])
-def test_samples_are_the_planned_motion(period: float, lee1991: Cell) -> None:
+def test_samples_are_the_planned_motion(period: float, lee1991: CoordinationCell) -> None:
     arm, motion = lee1991.arms[1], lee1991.fastest[1].delayed(0.0123)
     samples = JointTrajectory.sample(motion, period)
     assert samples.time[0] == 0.0
@@ -73,7 +73,7 @@ def test_samples_are_the_planned_motion(period: float, lee1991: Cell) -> None:
     assert (np.abs(samples.torque) <= arm.torque_max * 1.001).all()
 
 
-def test_speeds_integrate_to_positions(lee1991: Cell) -> None:
+def test_speeds_integrate_to_positions(lee1991: CoordinationCell) -> None:
     samples = JointTrajectory.sample(lee1991.fastest[0], 1e-5)
     step = np.diff(samples.time)[:, None]
     np.testing.assert_allclose(
@@ -82,7 +82,7 @@ def test_speeds_integrate_to_positions(lee1991: Cell) -> None:
     np.testing.assert_allclose(np.cumsum(samples.qdd[:-1] * step, axis=0), samples.qd[1:] - samples.qd[0], atol=0.02)
 
 
-def test_other_programs_can_read_the_files(lee1991: Cell, tmp_path: Path) -> None:
+def test_other_programs_can_read_the_files(lee1991: CoordinationCell, tmp_path: Path) -> None:
     for name in ("a.csv", "a.json"):
         write_trajectory(tmp_path / name, lee1991.fastest[0], 0.01)
     with (tmp_path / "a.csv").open(newline="") as stream:
@@ -97,7 +97,7 @@ def test_other_programs_can_read_the_files(lee1991: Cell, tmp_path: Path) -> Non
     assert [[float(cell) for cell in row[7:9]] for row in rows] == data["torque_nm"]
 
 
-def test_what_cannot_be_exported_is_named(lee1991: Cell, tmp_path: Path) -> None:
+def test_what_cannot_be_exported_is_named(lee1991: CoordinationCell, tmp_path: Path) -> None:
     for period in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="period must be a positive number"):
             write_trajectory(tmp_path / "a.csv", lee1991.fastest[0], period)

@@ -10,7 +10,7 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners import Cell, CoordinationChart, Mode, PhaseTrajectory, VciPlan, VelocityControl
+from armtempo.planners import CoordinationCell, CoordinationChart, Mode, PhaseTrajectory, VciPlan, VelocityControl
 
 
 def wall(like: CoordinationChart, release: float, place: float) -> CoordinationChart:
@@ -21,7 +21,7 @@ def wall(like: CoordinationChart, release: float, place: float) -> CoordinationC
 
 
 def control(
-    cell: Cell, *, period: float = 0.004, chart: CoordinationChart | None = None, checks: int = 0
+    cell: CoordinationCell, *, period: float = 0.004, chart: CoordinationChart | None = None, checks: int = 0
 ) -> VelocityControl:
     return VelocityControl(
         slave=cell.planes[1],
@@ -39,7 +39,9 @@ def last_correction(plan: VciPlan) -> tuple[int, int, int, Floats]:
 
 
 @pytest.mark.parametrize(("period", "release"), [(0.004, 0.6), (0.002, 0.525), (0.002, 0.75)])
-def test_fig_3_the_last_step_of_the_interval_is_adjusted(lee1991: Cell, period: float, release: float) -> None:
+def test_fig_3_the_last_step_of_the_interval_is_adjusted(
+    lee1991: CoordinationCell, period: float, release: float
+) -> None:
     plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, 0.3)).plan(lee1991.fastest[:1])
     assert plan.last_step_adjusted > 0
     hit, first, adjusted, commands = last_correction(plan)
@@ -52,7 +54,7 @@ def test_fig_3_the_last_step_of_the_interval_is_adjusted(lee1991: Cell, period: 
 
 @pytest.mark.parametrize(("period", "release", "place"), [(0.004, 0.375, 0.3), (0.004, 0.75, 0.7), (0.002, 0.75, 0.5)])
 def test_fig_4_an_earlier_step_is_adjusted_and_full_acceleration_follows(
-    lee1991: Cell, period: float, release: float, place: float
+    lee1991: CoordinationCell, period: float, release: float, place: float
 ) -> None:
     plan = control(lee1991, period=period, chart=wall(lee1991.chart, release, place)).plan(lee1991.fastest[:1])
     assert plan.earlier_step_adjusted > 0
@@ -64,7 +66,7 @@ def test_fig_4_an_earlier_step_is_adjusted_and_full_acceleration_follows(
     assert plan.longest_interval >= (hit - first + 1) * period - 1e-12
 
 
-def test_a_single_correction_is_the_shortest_interval_that_avoids_the_collision(lee1991: Cell) -> None:
+def test_a_single_correction_is_the_shortest_interval_that_avoids_the_collision(lee1991: CoordinationCell) -> None:
     """With one step of braking less, the slave collides."""
     chart = wall(lee1991.chart, 0.525, 0.5)
     own = control(lee1991, chart=chart)
@@ -82,14 +84,14 @@ def test_a_single_correction_is_the_shortest_interval_that_avoids_the_collision(
         assert (float(motion.at(end)[0]) <= corner) is safe
 
 
-def test_the_papers_cell_reaches_both_cases(lee1991: Cell) -> None:
+def test_the_papers_cell_reaches_both_cases(lee1991: CoordinationCell) -> None:
     plan = control(lee1991, period=0.001).plan(lee1991.fastest[:1])
     assert plan.last_step_adjusted > 0
     assert plan.earlier_step_adjusted > 0
     assert plan.corrections == plan.last_step_adjusted + plan.earlier_step_adjusted
 
 
-def test_the_adjusted_motion_grazes_the_collision_point(lee1991: Cell) -> None:
+def test_the_adjusted_motion_grazes_the_collision_point(lee1991: CoordinationCell) -> None:
     """The room that is left is used: the slave passes the wall's corner within a check of its release."""
     for release, place in ((0.6, 0.4), (0.8, 0.5), (0.7, 0.3)):
         chart = wall(lee1991.chart, release, place)
@@ -99,7 +101,7 @@ def test_the_adjusted_motion_grazes_the_collision_point(lee1991: Cell) -> None:
         assert -1e-9 <= reached - released < 0.004 + 1e-3
 
 
-def test_nothing_to_avoid_nothing_to_brake_for(lee1991: Cell) -> None:
+def test_nothing_to_avoid_nothing_to_brake_for(lee1991: CoordinationCell) -> None:
     free = wall(lee1991.chart, 0.0, 0.5)
     plan = control(lee1991, chart=free).plan(lee1991.fastest[:1])
     assert (plan.commands == 1.0).all()
@@ -111,7 +113,7 @@ def test_nothing_to_avoid_nothing_to_brake_for(lee1991: Cell) -> None:
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_both_modes_are_safe_and_quick(lee1991: Cell, mode: Mode) -> None:
+def test_both_modes_are_safe_and_quick(lee1991: CoordinationCell, mode: Mode) -> None:
     own = VelocityControl(
         slave=lee1991.planes[1],
         masters=(lee1991.planes[0],),
@@ -128,7 +130,7 @@ Master = Callable[[int], float]
 
 
 def simulate(
-    cell: Cell, master: Master, *, ticks: int = 4, exact: bool = True, most: float = 3.0
+    cell: CoordinationCell, master: Master, *, ticks: int = 4, exact: bool = True, most: float = 3.0
 ) -> tuple[float, float, int, float]:
     """Slave behind any master; arrival times, ticks in a cell that is not free, and how far past C the slave was.
 
@@ -173,7 +175,7 @@ def simulate(
 
 @pytest.mark.parametrize("ticks", [1, 4, 5])
 @pytest.mark.parametrize("late", [0.0, 0.03, 0.1, 0.15])
-def test_on_line_behind_a_master_that_starts_late(lee1991: Cell, late: float, ticks: int) -> None:
+def test_on_line_behind_a_master_that_starts_late(lee1991: CoordinationCell, late: float, ticks: int) -> None:
     master, slave, outside, past = simulate(lee1991, lambda n: float(n * 0.001 >= late - 1e-12), ticks=ticks)
     assert outside == 0
     assert past <= 0.0
@@ -182,7 +184,7 @@ def test_on_line_behind_a_master_that_starts_late(lee1991: Cell, late: float, ti
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_on_line_behind_a_master_that_stops_and_goes(lee1991: Cell, seed: int) -> None:
+def test_on_line_behind_a_master_that_stops_and_goes(lee1991: CoordinationCell, seed: int) -> None:
     rng = np.random.default_rng(seed)
     commands = np.repeat(rng.choice([0.0, 0.0, 0.3, 1.0], 400), rng.integers(5, 80, 400))
     commands[rng.integers(700, 1200) :] = 1.0  # at last it goes on
@@ -193,14 +195,16 @@ def test_on_line_behind_a_master_that_stops_and_goes(lee1991: Cell, seed: int) -
     assert slave < master + 0.35
 
 
-def test_foreseen_in_finer_steps_than_executed_the_slave_overruns_by_less_than_the_reserve(lee1991: Cell) -> None:
+def test_foreseen_in_finer_steps_than_executed_the_slave_overruns_by_less_than_the_reserve(
+    lee1991: CoordinationCell,
+) -> None:
     for late in (0.03, 0.15):
         _, slave, _, past = simulate(lee1991, lambda n, late=late: float(n * 0.001 >= late - 1e-12), exact=False)  # type: ignore[misc]
         assert past < 0.2 * lee1991.config.clearance_reserve_m
         assert slave < 0.345 + late + 0.02
 
 
-def test_a_master_that_stands_still_is_waited_for(lee1991: Cell) -> None:
+def test_a_master_that_stands_still_is_waited_for(lee1991: CoordinationCell) -> None:
     own = control(lee1991, checks=1)
     lam = mu = 0.0
     for _ in range(200):
@@ -214,7 +218,7 @@ def test_a_master_that_stands_still_is_waited_for(lee1991: Cell) -> None:
     )  # as far as it may
 
 
-def test_behind_an_arrived_master_the_way_is_free(lee1991: Cell) -> None:
+def test_behind_an_arrived_master_the_way_is_free(lee1991: CoordinationCell) -> None:
     own = control(lee1991)
     assert own.guarded(1.0, 0.0, 0.0, [(lee1991.paths[0].length, 0.0)]) == 1.0
     assert own.expected([(lee1991.paths[0].length, 0.0)])[0].duration == 0.0
@@ -240,7 +244,7 @@ def free_all_the_way(chart: CoordinationChart, master: PhaseTrajectory, slave: P
     return all(chart.is_free(x if x[0] < x[1] else x[0], y if y[0] < y[1] else y[0]) for x, y in boxes)
 
 
-def test_a_slave_that_passes_first_does_not_brake(lee1991: Cell) -> None:
+def test_a_slave_that_passes_first_does_not_brake(lee1991: CoordinationCell) -> None:
     """Test (a) of the research: today's paper takes every region for the master's."""
     chart = boxes(lee1991.chart, SLAVE_FIRST)
     plan = control(lee1991, chart=chart).plan(lee1991.fastest[:1])
@@ -250,7 +254,7 @@ def test_a_slave_that_passes_first_does_not_brake(lee1991: Cell) -> None:
     assert free_all_the_way(chart, lee1991.fastest[0], plan.trajectory, 0.28)
 
 
-def test_two_regions_in_opposite_orders(lee1991: Cell) -> None:
+def test_two_regions_in_opposite_orders(lee1991: CoordinationCell) -> None:
     """It brakes for the first as if it were alone, and passes the second before the master."""
     alone = control(lee1991, chart=boxes(lee1991.chart, MASTER_FIRST)).plan(lee1991.fastest[:1])
     assert alone.corrections > 0
@@ -263,7 +267,7 @@ def test_two_regions_in_opposite_orders(lee1991: Cell) -> None:
     assert float(plan.trajectory.time_at(0.6 * chart.length_b)) < master_in
 
 
-def test_what_braking_spoils_goes_to_the_master(lee1991: Cell) -> None:
+def test_what_braking_spoils_goes_to_the_master(lee1991: CoordinationCell) -> None:
     """At full speed the slave would pass the second region first; behind the first one it no longer does."""
     soon = (0.62, 0.95, 0.55, 0.6)
     assert control(lee1991, chart=boxes(lee1991.chart, soon)).plan(lee1991.fastest[:1]).corrections == 0
@@ -274,7 +278,7 @@ def test_what_braking_spoils_goes_to_the_master(lee1991: Cell) -> None:
     assert float(plan.trajectory.time_at(0.55 * chart.length_b)) > master_out - 1e-3
 
 
-def test_a_start_in_the_way_and_a_master_that_parks_there(lee1991: Cell) -> None:
+def test_a_start_in_the_way_and_a_master_that_parks_there(lee1991: CoordinationCell) -> None:
     """Tests (c) and (d): the slave must pass first; where it cannot, velocity control says why."""
     for region in ((0.6, 0.8, 0.0, 0.2), (0.8, 1.0, 0.3, 0.4)):
         chart = boxes(lee1991.chart, region)
@@ -287,7 +291,7 @@ def test_a_start_in_the_way_and_a_master_that_parks_there(lee1991: Cell) -> None
     assert end.value.data["reason"] == "parked in the way"
 
 
-def test_a_slave_does_not_park_where_the_master_still_has_to_pass(lee1991: Cell) -> None:
+def test_a_slave_does_not_park_where_the_master_still_has_to_pass(lee1991: CoordinationCell) -> None:
     """Its end is in the region: having arrived there is not having left it."""
     for region in ((0.9, 0.95, 0.9, 1.0), (0.6, 0.95, 0.7, 1.0)):
         chart = boxes(lee1991.chart, region)
@@ -302,7 +306,7 @@ def test_a_slave_does_not_park_where_the_master_still_has_to_pass(lee1991: Cell)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_on_line_leaving_first_is_safe_behind_any_master(lee1991: Cell, seed: int) -> None:
+def test_on_line_leaving_first_is_safe_behind_any_master(lee1991: CoordinationCell, seed: int) -> None:
     """The slave runs through in front of the master as long as it surely gets out; else it waits."""
     chart = boxes(lee1991.chart, SLAVE_FIRST, MASTER_FIRST if seed % 2 else SLAVE_FIRST)
     own = control(lee1991, chart=chart, checks=4)
@@ -327,7 +331,7 @@ def test_on_line_leaving_first_is_safe_behind_any_master(lee1991: Cell, seed: in
         pytest.fail("it never arrived")
 
 
-def test_behind_two_masters(lee1991: Cell) -> None:
+def test_behind_two_masters(lee1991: CoordinationCell) -> None:
     """Two masters on the same path, one late, each with a region of its own."""
     master, slave = lee1991.planes
     motions = [lee1991.fastest[0], lee1991.fastest[0].delayed(0.05)]

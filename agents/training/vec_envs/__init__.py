@@ -1,1 +1,13 @@
 """Our environments as vectors of Stable-Baselines3."""
+
+from __future__ import annotations
+
+from armtempo.agents.training.vec_envs._batch import BatchVecEnv
+from armtempo.agents.training.vec_envs._parallel import ParallelVecEnv
+from armtempo.agents.training.vec_envs._vector import VectorVecEnv
+
+__all__ = [
+    "BatchVecEnv",
+    "ParallelVecEnv",
+    "VectorVecEnv",
+]

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
-from armtempo.envs.coordination.world._disturbance import ATTEMPTS, Draws, draw
-from armtempo.envs.coordination.world._world import Episodes, World
+from armtempo.envs.coordination.world import ATTEMPTS, Draws, Episodes, World, draw
 from armtempo.robots import njit, unlocked
 
 Orders = NDArray[np.int8]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.envs.coordination.world._world import World, length_of, steps_of
+from armtempo.envs.coordination.world import World, length_of, steps_of
 from armtempo.planners import phase_kernels
 from armtempo.robots import inlined, njit
 

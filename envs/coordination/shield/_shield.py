@@ -20,10 +20,9 @@ from armtempo.envs.coordination.shield._kernels import (
     fill_braked,
     first_orders,
 )
-from armtempo.envs.coordination.world._simulation import Simulation
-from armtempo.envs.coordination.world._world import World
+from armtempo.envs.coordination.world import Simulation, World
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import Cell, Execution, PassingOrders, Precedence, VciExecution, precedence, schedule
+from armtempo.planners import CoordinationCell, Execution, PassingOrders, Precedence, VciExecution, schedule
 
 FEW = 4  # arms of which all priority orders are tried
 MANY = 12  # regions of which all orders are tried
@@ -32,7 +31,12 @@ BRAKING = 4.0  # longest minimum times within which a braking arm must come to r
 
 
 def shield_tables(
-    cell: Cell, world: World, *, scripted: Sequence[int] = (), plan: Precedence | None = None, tube_m: float = 0.0
+    cell: CoordinationCell,
+    world: World,
+    *,
+    scripted: Sequence[int] = (),
+    plan: Precedence | None = None,
+    tube_m: float = 0.0,
 ) -> ShieldTables:
     """What the kernel needs of a cell.
 
@@ -45,7 +49,7 @@ def shield_tables(
     """
     if not (np.isfinite(tube_m) and tube_m >= 0.0):
         raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
-    orders = PassingOrders.of_cell(cell, 2.0 * tube_m)
+    orders = cell.passing_orders(2.0 * tube_m)
     parts, region, length = [np.zeros(1)], [], 1  # never empty
     for a, b, begin_a, begin_b, limit_a, limit_b in orders.regions:
         region.append(
@@ -74,7 +78,7 @@ def shield_tables(
 
 
 def _candidates(
-    cell: Cell, orders: PassingOrders, scripted: tuple[int, ...], plan: Precedence | None
+    cell: CoordinationCell, orders: PassingOrders, scripted: tuple[int, ...], plan: Precedence | None
 ) -> NDArray[np.int8]:
     """(C, R) orders to begin with: priorities as they are, then others; where none of them leads on, a mixed one."""
     arms = len(cell.arms)
@@ -96,12 +100,12 @@ def _candidates(
     return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
 
 
-def _mixed_order(cell: Cell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
+def _mixed_order(cell: CoordinationCell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
     """One order that leads on where no priority does, as near to the given one as can be; none if there is none."""
     regions = range(len(priority))
     if len(priority) > MANY:  # too many to try them all
         with suppress(InfeasibleError):
-            return [orders.of_precedence(precedence(schedule(cell, "optimal")))]
+            return [orders.of_precedence(schedule(cell, "optimal").precedence)]
         return []
     for count in range(1, len(priority)):
         for turned in combinations(regions, count):
@@ -121,7 +125,7 @@ def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
     return all(limit[0] > 0.0 for limit in meant.limits.values())  # else an arm is in the way where it starts
 
 
-def shield_work(cell: Cell, regions: int) -> ShieldWork:
+def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
     """Scratch for one thread."""
     arms, ticks = len(cell.arms), cell.ticks_per_period
     longest = BRAKING * max(motion.duration for motion in cell.fastest)
@@ -155,7 +159,7 @@ class Shield:
 
     def __init__(
         self,
-        cell: Cell,
+        cell: CoordinationCell,
         world: World,
         *,
         scripted: Sequence[int] = (),
@@ -205,7 +209,7 @@ class Shield:
         return bool(feasible(self._world, self.tables, self.orders, lam.copy(), np.zeros(len(lam))))
 
 
-def plan_of(cell: Cell, execution: Execution | None) -> Precedence | None:
+def plan_of(cell: CoordinationCell, execution: Execution | None) -> Precedence | None:
     """What the arms of an execution obey; None: nothing, they run at full speed.
 
     Raises:

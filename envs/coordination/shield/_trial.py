@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
 from armtempo.envs.coordination.shield._shield import Shield
-from armtempo.envs.coordination.world._simulation import Simulation
-from armtempo.envs.coordination.world._world import World, clearance_of, length_of, steps_of
-from armtempo.planners import Cell, Mode, phase_kernels, tabulated_clearance
+from armtempo.envs.coordination.world import Simulation, World, clearance_of, length_of, steps_of
+from armtempo.planners import CoordinationCell, Mode, phase_kernels, tabulated_clearance
 from armtempo.robots import njit
 
 REQUESTS = ("full", "random", "persistent", "bang-bang", "mixed")
@@ -128,7 +127,7 @@ def _run(
 
 
 def shield_trial(
-    cell: Cell,
+    cell: CoordinationCell,
     requests: str,
     steps: int,
     *,

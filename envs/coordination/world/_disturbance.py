@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.common._random import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, uniform
+from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, phase_kernels, tabulated_clearance
+from armtempo.planners import CoordinationCell, phase_kernels, tabulated_clearance
 from armtempo.robots import njit
 
 Range = tuple[float, float]
@@ -120,7 +120,7 @@ def as_noise(value: float) -> float:
 
 
 def draws_of(
-    cell: Cell,
+    cell: CoordinationCell,
     disturbance: str | Disturbance | None = None,
     start_phase: float | Range = 0.0,
     master_late_s: float | Range = 0.0,

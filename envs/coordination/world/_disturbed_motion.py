@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from armtempo.errors import InputError
-from armtempo.planners import Cell, Mode, PhaseTrajectory
+from armtempo.planners import CoordinationCell, Mode, PhaseTrajectory
 
 
-def disturbed_motion(cell: Cell, arm: int, drawn: Mapping[str, Any], *, mode: Mode = "speed") -> PhaseTrajectory:
+def disturbed_motion(
+    cell: CoordinationCell, arm: int, drawn: Mapping[str, Any], *, mode: Mode = "speed"
+) -> PhaseTrajectory:
     """What becomes of full speed under a disturbance that was drawn.
 
     Args:

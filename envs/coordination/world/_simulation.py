@@ -8,15 +8,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.bodies._bullet import pybullet
-from armtempo.envs.bodies._scene import Scene
-from armtempo.envs.common._entries import OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.bodies import (
+    CONTROLLER_GAIN,
+    PHYSICS,
+    SETTLED_DISTANCE,
+    SETTLED_SPEED,
+    SETTLED_TIME,
+    Physics,
+    Scene,
+    pybullet,
+)
 from armtempo.envs.coordination.world._disturbance import (
     ATTEMPTS,
     Disturbance,
@@ -28,6 +35,7 @@ from armtempo.envs.coordination.world._disturbance import (
     stops_of,
     uncertain_arms,
 )
+from armtempo.envs.coordination.world._entries import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs.coordination.world._kernels import (
     control,
     move,
@@ -40,17 +48,10 @@ from armtempo.envs.coordination.world._kernels import (
 )
 from armtempo.envs.coordination.world._world import World, episodes_of, ideal_world, pack
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import Cell, Mode
+from armtempo.planners import CoordinationCell, Mode
 from armtempo.robots import Arm
 
-Physics = Literal["bullet", "ideal"]
-
-PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
 MODES: tuple[Mode, ...] = ("speed", "acceleration")
-CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
-SETTLED_DISTANCE = 1e-3  # [m] of the tip from its goal, and
-SETTLED_SPEED = 1e-2  # [m/s] of the tip,
-SETTLED_TIME = 0.020  # [s] for which both must hold
 
 
 def _levers(arm: Arm) -> Floats:
@@ -152,7 +153,7 @@ class Simulation:
 
     def __init__(
         self,
-        cell: Cell,
+        cell: CoordinationCell,
         *,
         physics: Physics = "bullet",
         mode: Mode = "speed",

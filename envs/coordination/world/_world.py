@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners import Cell, ClearanceTable, Mode, PathTable, PhaseTrajectory, clearance_table, phase_kernels
+from armtempo.planners import (
+    ClearanceTable,
+    CoordinationCell,
+    Mode,
+    PathTable,
+    PhaseTrajectory,
+    clearance_table,
+    phase_kernels,
+)
 from armtempo.robots import ArmModel, njit
 
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
@@ -74,7 +82,7 @@ def episodes_of(count: int, arms: int, stops: int) -> Episodes:
     )  # fmt: skip
 
 
-def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceTable]] = ()) -> World:
+def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceTable]] = ()) -> World:
     """Pack a cell; ``clearances``: (i, j, table) per pair of arms."""
     parts: list[Floats] = []
     length = 0
@@ -132,7 +140,7 @@ def pack(cell: Cell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceT
     )
 
 
-def ideal_world(cell: Cell, mode: Mode) -> World:
+def ideal_world(cell: CoordinationCell, mode: Mode) -> World:
     """A cell packed with the clearance table of every pair of arms."""
     below = cell.d_min + FCL_BELOW
     pairs = combinations(range(len(cell.arms)), 2)

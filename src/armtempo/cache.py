@@ -18,10 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.arrays import Floats
 from armtempo.files import whole_file
-from armtempo.planners.joint_paths._joint_path import JointPath
-from armtempo.robots import Arm
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -57,16 +54,6 @@ def content_key(parts: Iterable[object]) -> str:
             digest.update(repr(part).encode())
         digest.update(b";")
     return digest.hexdigest()
-
-
-def motion_content(arm: Arm, path: JointPath, q: Floats, speed: Floats) -> list[object]:
-    """What decides where an arm's shapes get: its chain, its shapes, and samples of its path."""
-    model = arm.model
-    parts: list[object] = [arm.T_world_base, model.placement_R, model.placement_p, model.axis, model.prismatic]
-    for shape in arm.shapes:
-        parts += [shape.link, shape.kind, shape.size, shape.T_link_shape, shape.points, *shape.capsule]
-        parts += [shape.exact, shape.tolerance, shape.vertices]
-    return [*parts, path.length, q, speed]
 
 
 def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:

@@ -1,0 +1,10 @@
+"""Compiled loops that other rooms call. Not public: they change without notice."""
+
+from __future__ import annotations
+
+from armtempo.planners.blends._kernels_all import PackedPath, blended_point
+
+__all__ = [
+    "PackedPath",
+    "blended_point",
+]

@@ -1,0 +1,15 @@
+"""Compiled loops that other rooms call. Not public: they change without notice."""
+
+from __future__ import annotations
+
+from armtempo.planners.ik._kernels_all import LIMIT, Law, Scratch, Targets, law_within, scratch, tip_and_jacobian
+
+__all__ = [
+    "LIMIT",
+    "Law",
+    "Scratch",
+    "Targets",
+    "law_within",
+    "scratch",
+    "tip_and_jacobian",
+]
