@@ -14,7 +14,7 @@ from armtempo.commands._bench_agents import bench_agents
 from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 
 if TYPE_CHECKING:
-    from armtempo.planners import BenchResult, Claim
+    from armtempo.planners.instances import BenchResult, Claim
 
 Family = Literal["planar", "panda", "iiwa"]  # of the benchmark set
 DEFAULT_METHODS = ("sequential", "delay", "offset", "vci", "interval", "optimal")
@@ -44,7 +44,9 @@ def bench_coordination(
             stdout.
     """
     from armtempo.errors import InputError, UnknownNameError
-    from armtempo.planners import METHODS, bench_cell, bench_claims, benchmark_instances, default_engine
+    from armtempo.planners import METHODS, benchmark_instances
+    from armtempo.planners.instances import bench_cell, bench_claims
+    from armtempo.planners.schedules import default_engine
 
     for method in methods:
         if method not in METHODS:
@@ -190,7 +192,8 @@ def bench_arms(
     from armtempo.commands.figures._bench import arms_figure
     from armtempo.commands.figures._style import write_png
     from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-    from armtempo.planners import PLANNED, Instance, generate_cell
+    from armtempo.planners import generate_cell
+    from armtempo.planners.instances import PLANNED, Instance
 
     for method in methods:
         if method not in PLANNED:

@@ -170,7 +170,8 @@ def _check_one_arm_options(
     family: str,
     coordination: Mapping[str, Any],
 ) -> None:
-    from armtempo.planners import PATH_FAMILIES, TARGET_FAMILIES, BlendCell
+    from armtempo.planners import BlendCell
+    from armtempo.planners.cells import PATH_FAMILIES, TARGET_FAMILIES
 
     if mode != "speed" or master_late:
         raise ArmtempoError("--mode and --master-late are for cells of several arms", remedy="leave them out")

@@ -38,7 +38,8 @@ def generate(
     import json
 
     from armtempo.errors import InputError
-    from armtempo.planners import cell_name, generate_cell
+    from armtempo.planners import generate_cell
+    from armtempo.planners.instances import cell_name
 
     if count < 1:
         raise InputError(f"--count must be at least 1, got {count}")
@@ -87,7 +88,7 @@ def _write(out: Path, generated: Any) -> None:
     import yaml
 
     from armtempo.files import whole_file
-    from armtempo.planners import save_instance
+    from armtempo.planners.instances import save_instance
 
     name = generated.cell.name
     head = f"# Drawn by: armtempo cells generate --family {generated.family} --seed {generated.seed}"

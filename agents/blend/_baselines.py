@@ -20,7 +20,8 @@ from armtempo.agents.policies import RandomActions, SingleArmPolicy, to_action
 from armtempo.arrays import Floats32
 from armtempo.envs import BlendTrackingEnv, MappingName
 from armtempo.errors import UnknownNameError
-from armtempo.planners import BlendCell, ProfileName, motion_demand
+from armtempo.planners import BlendCell
+from armtempo.planners.cells import ProfileName, motion_demand
 
 SAMPLES = 16001  # of a profile, for what it asks of the arm
 MARGIN = 1e-6

@@ -27,7 +27,9 @@ from armtempo.agents.policies import (
 )
 from armtempo.arrays import Bools, Floats
 from armtempo.envs import BlendTrace, BlendTrackingEnv, Physics
-from armtempo.planners import Blend, BlendCell, FamilyName, MotionDemand, motion_demand
+from armtempo.planners import BlendCell
+from armtempo.planners.blends import Blend
+from armtempo.planners.cells import FamilyName, MotionDemand, motion_demand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,8 @@ from armtempo.agents.policies import Actions, Observations, Policy, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Execution, Mode, Schedule, execution_of, schedule
+from armtempo.planners import METHODS, CoordinationCell, Execution, Schedule, execution_of, schedule
+from armtempo.planners.topp import Mode
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
 _OTHER = {entry.name: len(OWN) + k for k, entry in enumerate(OTHER)}

@@ -17,18 +17,10 @@ from armtempo.agents.ik import IKEvaluation, evaluate_ik
 from armtempo.agents.policies import Policy, chosen_policies, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics, disturbed_motion
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import (
-    METHODS,
-    BlendCell,
-    CoordinationCell,
-    FamilyName,
-    IKCell,
-    Mode,
-    Schedule,
-    TargetFamilyName,
-    clairvoyant,
-    schedule,
-)
+from armtempo.planners import METHODS, BlendCell, CoordinationCell, IKCell, Schedule, schedule
+from armtempo.planners.cells import FamilyName, TargetFamilyName
+from armtempo.planners.schedules import clairvoyant
+from armtempo.planners.topp import Mode
 
 ONLINE = ("vci", "delay")
 """Classical policies that react while they act: learned agents are held against the better of them."""

@@ -19,7 +19,8 @@ from armtempo.agents.policies import (
 )
 from armtempo.arrays import Floats
 from armtempo.envs import FeedbackIKEnv, IKTrace, Physics
-from armtempo.planners import IKCell, TargetFamilyName
+from armtempo.planners import IKCell
+from armtempo.planners.cells import TargetFamilyName
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,7 +24,8 @@ from armtempo.commands.figures._one_arm import (
     torques,
 )
 from armtempo.commands.figures._style import FAINT, INK, MUTED, new_figure, note, styled
-from armtempo.planners import Blend, BlendCell
+from armtempo.planners import BlendCell
+from armtempo.planners.blends import Blend
 
 if TYPE_CHECKING:
     from armtempo.agents import BlendEvaluation

@@ -23,15 +23,8 @@ from armtempo.envs.common import (
     read_action,
     time_reward,
 )
-from armtempo.planners import (
-    PATH_FAMILIES,
-    PROFILES,
-    BlendCell,
-    FamilyName,
-    ProfileName,
-    as_cell,
-    draw_path,
-)
+from armtempo.planners import BlendCell
+from armtempo.planners.cells import PATH_FAMILIES, PROFILES, FamilyName, ProfileName, as_cell, draw_path
 
 RESET_OPTIONS = ("family", "curve", "shape_factor", "remaining_distance_m")
 

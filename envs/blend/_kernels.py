@@ -6,7 +6,7 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies import joint_torques, tip_of
-from armtempo.planners import PackedPath, blended_point
+from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.robots import ArmModel, njit
 
 

@@ -15,7 +15,8 @@ from armtempo.arrays import Floats
 from armtempo.envs.blend._kernels import follow_ideal, measure_tip
 from armtempo.envs.bodies import CONTROLLER_GAIN, SETTLED_DISTANCE, SETTLED_SPEED, SETTLED_TIME, Physics, TrackedArm
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import PROFILES, BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector, ProfileName
+from armtempo.planners import BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector
+from armtempo.planners.cells import PROFILES, ProfileName
 
 MappingName = Literal["exact", "paper"]
 MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)

@@ -39,7 +39,9 @@ from armtempo.envs.coordination.world import (
     uncertain_arms,
 )
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, Mode, Precedence, as_cell
+from armtempo.planners import CoordinationCell, Precedence
+from armtempo.planners.cells import as_cell
+from armtempo.planners.topp import Mode
 
 REWARDS = ("own", "team")
 

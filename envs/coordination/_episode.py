@@ -14,7 +14,8 @@ from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_f
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import Simulation
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 
 
 def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[float, float]:

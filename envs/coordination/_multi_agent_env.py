@@ -19,7 +19,9 @@ from armtempo.envs.coordination._episode import Episode, agent_names
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import CoordinationCell, Mode, as_cell
+from armtempo.planners import CoordinationCell
+from armtempo.planners.cells import as_cell
+from armtempo.planners.topp import Mode
 
 
 @final

@@ -33,7 +33,9 @@ from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import ENTRIES, Disturbance, Range
 from armtempo.errors import InputError
-from armtempo.planners import CellBase, CoordinationCell, Execution, Mode, as_cell
+from armtempo.planners import CoordinationCell, Execution
+from armtempo.planners.cells import CellBase, as_cell
+from armtempo.planners.topp import Mode
 
 PER_THREAD = {False: 256, True: 32}  # episodes that are worth a thread: without the shield, and with it
 

@@ -18,7 +18,9 @@ from armtempo.envs.coordination._episode import Episode
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
 from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation, as_range
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Execution, Mode, as_cell, execution_of, schedule
+from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
+from armtempo.planners.cells import as_cell
+from armtempo.planners.topp import Mode
 
 
 @final

@@ -22,13 +22,8 @@ from armtempo.envs.common import (
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
 from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.errors import InputError
-from armtempo.planners import (
-    TARGET_FAMILIES,
-    IKCell,
-    TargetFamilyName,
-    as_cell,
-    draw_target,
-)
+from armtempo.planners import IKCell
+from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName, as_cell, draw_target
 
 RESET_OPTIONS = ("family",)
 REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}

@@ -7,7 +7,10 @@ import math
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.planners import IKLaw, IKTargets, law_scratch, law_within
+from armtempo.planners.ik.kernels import Law as IKLaw
+from armtempo.planners.ik.kernels import Targets as IKTargets
+from armtempo.planners.ik.kernels import law_within
+from armtempo.planners.ik.kernels import scratch as law_scratch
 from armtempo.robots import ArmModel, njit
 from armtempo.robots import _kernels as kernels
 

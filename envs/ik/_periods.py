@@ -9,7 +9,9 @@ import numpy as np
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.ik._braking import hold_back
 from armtempo.envs.ik._kernels import allowed_speeds, brake, pose_errors, ramp, run_law
-from armtempo.planners import IKCell, IKLaw, IKTargets
+from armtempo.planners import IKCell
+from armtempo.planners.ik.kernels import Law as IKLaw
+from armtempo.planners.ik.kernels import Targets as IKTargets
 from armtempo.robots import ArmModel, inlined, njit, unlocked
 
 GAIN_RATIO = 4.0

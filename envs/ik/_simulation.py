@@ -18,7 +18,8 @@ from armtempo.envs.ik._braking import HARDNESS, hardest_stop
 from armtempo.envs.ik._kernels import brake, pose_errors
 from armtempo.envs.ik._periods import ask_period, cut_shares, drive_of, sum_up
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import IKCell, IKTargets
+from armtempo.planners import IKCell
+from armtempo.planners.ik.kernels import Targets as IKTargets
 
 ActionMode = Literal["speeds", "gains"]
 ACTION_MODES: tuple[ActionMode, ...] = get_args(ActionMode)

@@ -25,7 +25,9 @@ from armtempo.envs.ik._observation import AHEAD, IKView, observe_ik
 from armtempo.envs.ik._periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
 from armtempo.envs.ik._simulation import ActionMode
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import IKCell, IKTargets, TargetFamilyName, draw_target
+from armtempo.planners import IKCell
+from armtempo.planners.cells import TargetFamilyName, draw_target
+from armtempo.planners.ik.kernels import Targets as IKTargets
 
 PER_THREAD = 4  # episodes that are worth a thread
 FOREVER = 1e9  # ticks

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
 from armtempo.planners.joint_paths._construct import JointPath
-from armtempo.planners.joint_paths._joint_path import AbstractJointPath, PathTable, path_point
+from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import PlanarPair
 from armtempo.planners.joint_paths._pose_path import PosePath, Poses, TipPosePath
 from armtempo.planners.joint_paths._scara_path import ScaraPath
@@ -15,7 +15,6 @@ __all__ = [
     "AbstractJointPath",
     "CartesianJointPath",
     "JointPath",
-    "PathTable",
     "PlanarPair",
     "PosePath",
     "Poses",
@@ -23,5 +22,4 @@ __all__ = [
     "TipPosePath",
     "TwoLinkPath",
     "WaypointPath",
-    "path_point",
 ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from armtempo.planners.topp._kernels_all import Edges, Rows, run
+from armtempo.planners.topp._kernels_all import FIXED, Edges, Rows, bounds_in, find, run
 
 __all__ = [
+    "FIXED",
     "Edges",
     "Rows",
+    "bounds_in",
+    "find",
     "run",
 ]

@@ -12,7 +12,9 @@ import pytest
 
 from armtempo.agents import ExecutionPolicy, Policy, make_policy, run_episode
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import METHODS, CoordinationCell, Schedule, ScheduleExecution, VciExecution, plan_vci
+from armtempo.planners import METHODS, CoordinationCell, Schedule
+from armtempo.planners.coordination import plan_vci
+from armtempo.planners.schedules import ScheduleExecution, VciExecution
 
 coal: Any = import_module("coal")  # it tells type checkers nothing
 

@@ -9,7 +9,8 @@ import pytest
 
 from armtempo.agents import POLICIES, Evaluation, evaluate
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Mode
+from armtempo.planners import METHODS, CoordinationCell
+from armtempo.planners.topp import Mode
 
 KEYS = {
     "plan_makespan_s",

@@ -17,7 +17,8 @@ from armtempo.agents import (
     in_blends,
 )
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, CoordinationCell, motion_demand
+from armtempo.planners import BlendCell, CoordinationCell
+from armtempo.planners.cells import motion_demand
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,10 @@ import pytest
 from armtempo.agents import ExecutionPolicy, PhasePlanePolicy, Policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
-from armtempo.planners import CoordinationCell, Mode, Schedule, ScheduleExecution, VciExecution, plan_vci
+from armtempo.planners import CoordinationCell, Schedule
+from armtempo.planners.coordination import plan_vci
+from armtempo.planners.schedules import ScheduleExecution, VciExecution
+from armtempo.planners.topp import Mode
 
 
 def planned(cell: CoordinationCell, order: tuple[int, ...] | None = None) -> Schedule:

@@ -8,7 +8,8 @@ import pytest
 from armtempo.agents import POLICIES, Observations, Policy, make_policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics
 from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Mode, benchmark_instances, build_cell, schedule
+from armtempo.planners import METHODS, CoordinationCell, benchmark_instances, build_cell, schedule
+from armtempo.planners.topp import Mode
 
 SAFE = ("vci", "delay", "optimal", "sequential")
 LATE = (0.0, 0.03, 0.1, 0.15)

@@ -21,7 +21,8 @@ import torch
 from armtempo.agents import Training, evaluate, find_agent, train
 from armtempo.configs import TrainConfig, load_train_config
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, IKCell, draw_target
+from armtempo.planners import CoordinationCell, IKCell
+from armtempo.planners.cells import draw_target
 
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 

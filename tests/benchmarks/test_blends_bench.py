@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from armtempo.arrays import Floats
-from armtempo.planners import CURVES, Blend, BlendedPath, Line, blend, least_time_blend, passing_cost
+from armtempo.planners import BlendedPath, Line, blend, least_time_blend
+from armtempo.planners.blends import CURVES, Blend, passing_cost
 from armtempo.planners.blends import _length_mapping as mapping
 from armtempo.robots import njit
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.planners import CartesianJointPath, PathDynamics, minimum_time
+from armtempo.planners import PathDynamics, minimum_time
+from armtempo.planners.joint_paths import CartesianJointPath
 
 _spec = importlib.util.spec_from_file_location(
     "cartesian_joint_path", Path(__file__).parents[1] / "planners" / "test_cartesian_joint_path.py"

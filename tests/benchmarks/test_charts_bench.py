@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.planners import CoordinationChart, JointPath, clearance_table
+from armtempo.planners import CoordinationChart, JointPath
+from armtempo.planners.charts import clearance_table
 from armtempo.robots import Arm, Clearance
 
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]

@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 from armtempo.arrays import Floats
-from armtempo.planners import INTEGRATORS, FeedbackIK, PoseTarget
+from armtempo.planners import FeedbackIK, PoseTarget
+from armtempo.planners.ik import INTEGRATORS
 
 RUNS = int(os.environ.get("ARMTEMPO_BENCH_RUNS", "1000"))
 

@@ -21,7 +21,8 @@ from rich.table import Table
 
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
-from armtempo.planners import INTEGRATORS, FeedbackIK, IKRun, NewtonIK, PoseTarget
+from armtempo.planners import FeedbackIK, NewtonIK, PoseTarget
+from armtempo.planners.ik import INTEGRATORS, IKRun
 from armtempo.robots import Arm
 
 STEP, STEPS = 0.002, 500

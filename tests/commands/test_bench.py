@@ -11,7 +11,8 @@ import imageio.v3 as imageio
 import pytest
 
 from armtempo.commands import main
-from armtempo.planners import benchmark_instances, load_cell, load_instance
+from armtempo.planners import benchmark_instances, load_cell
+from armtempo.planners.instances import load_instance
 
 
 @pytest.fixture(autouse=True)

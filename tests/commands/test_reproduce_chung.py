@@ -13,7 +13,8 @@ import pytest
 from armtempo.commands import main
 from armtempo.commands.papers.chung._run import POSTURE, UNCAPPED, _noisy, _printed_law, papers_path, still
 from armtempo.configs import data_path
-from armtempo.planners import FeedbackIK, IKCell, PoseTarget, SphericalWristIK
+from armtempo.planners import FeedbackIK, IKCell, PoseTarget
+from armtempo.planners.ik import SphericalWristIK
 from armtempo.robots import Arm
 
 Rows = dict[str, dict[str, Any]]

@@ -13,7 +13,8 @@ from armtempo.agents import highest_rate
 from armtempo.arrays import Floats32
 from armtempo.envs import BLEND_ENTRIES, MAPPINGS, PHYSICS, BlendTrackingEnv, Physics
 from armtempo.errors import ActionError, ConfigError, InputError, PathError, RenderError, UnknownNameError
-from armtempo.planners import PATH_FAMILIES, BlendCell, CoordinationCell, FamilyName, draw_path, motion_demand
+from armtempo.planners import BlendCell, CoordinationCell
+from armtempo.planners.cells import PATH_FAMILIES, FamilyName, draw_path, motion_demand
 
 FULL = np.ones(1, dtype=np.float32)
 STOP = -np.ones(1, dtype=np.float32)

@@ -24,7 +24,8 @@ from armtempo.envs import (
     coordination_v0,
 )
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import BlendCell, CoordinationCell, IKCell, Mode
+from armtempo.planners import BlendCell, CoordinationCell, IKCell
+from armtempo.planners.topp import Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
 BOTH = list(itertools.product(PHYSICS, MODES))

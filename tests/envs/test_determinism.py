@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 
 _SCRIPT = """
 import hashlib, sys

@@ -19,7 +19,8 @@ from armtempo.envs import (
 )
 from armtempo.envs.common._random import normal, uniform
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, ScheduleExecution, schedule
+from armtempo.planners import CoordinationCell, schedule
+from armtempo.planners.schedules import ScheduleExecution
 
 
 def _splitmix(state: int) -> int:

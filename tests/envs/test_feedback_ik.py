@@ -16,7 +16,8 @@ from armtempo.arrays import Floats32
 from armtempo.envs import ACTION_MODES, PHYSICS, FeedbackIKEnv, Physics, ik_entries
 from armtempo.envs.ik._kernels import allowed_speeds, rotation_vector
 from armtempo.errors import ActionError, ConfigError, InputError, RenderError, UnknownNameError
-from armtempo.planners import TARGET_FAMILIES, BlendCell, CoordinationCell, IKCell, TargetFamilyName
+from armtempo.planners import BlendCell, CoordinationCell, IKCell
+from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName
 
 STILL = np.zeros(6, dtype=np.float32)
 PLAIN = np.zeros(4, dtype=np.float32)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from armtempo.envs import ACTION_MODES, ActionMode, FeedbackIKEnv, FeedbackIKVectorEnv
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, IKCell, TargetFamilyName
+from armtempo.planners import CoordinationCell, IKCell
+from armtempo.planners.cells import TargetFamilyName
 
 FAMILIES: tuple[TargetFamilyName, ...] = ("partly-unreachable", "near-singular")
 

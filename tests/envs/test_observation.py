@@ -10,7 +10,8 @@ import pytest
 from armtempo.arrays import Floats32
 from armtempo.envs import ENTRIES, MODES, OTHER, OTHERS, OWN, PHYSICS, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs.common._entries import share
-from armtempo.planners import CoordinationCell, Mode, schedule
+from armtempo.planners import CoordinationCell, schedule
+from armtempo.planners.topp import Mode
 
 NAMES = [entry.name for entry in ENTRIES]
 FLOAT32 = 1e-6

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armtempo.envs import MODES, PHYSICS, Physics, Simulation
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 
 FREE = 10.0  # [s] so late is the master that the slave has the place for itself
 EXCESS = 1e-3  # of the limits, allowed to the references between stations

@@ -9,7 +9,8 @@ import pytest
 
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, Physics, YieldingEnv
 from armtempo.envs.common._rewards import collision_reward, progress_reward, time_reward
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 
 LATE = 0.15  # at full speed of both, no violation
 

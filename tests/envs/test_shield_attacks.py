@@ -11,14 +11,8 @@ from armtempo.arrays import Floats, Ints
 from armtempo.envs import CoordinationEnv, Shield, Simulation, YieldingEnv, shield_trial
 from armtempo.envs.coordination.shield._kernels import stops_before
 from armtempo.envs.coordination.world._world import World, steps_of
-from armtempo.planners import (
-    CoordinationCell,
-    CoordinationChart,
-    benchmark_instances,
-    build_cell,
-    load_cell,
-    phase_kernels,
-)
+from armtempo.planners import CoordinationCell, CoordinationChart, benchmark_instances, build_cell, load_cell
+from armtempo.planners.topp import _kernels_all as phase_kernels
 
 PARTS = 64  # of a tick, in each of which the arms sweep a box of the chart
 FULL = np.ones(1, dtype=np.float32)

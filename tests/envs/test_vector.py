@@ -20,7 +20,8 @@ from armtempo.envs import (
     coordination_v0,
 )
 from armtempo.errors import ActionError, InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 
 MANY: dict[str, Any] = {
     "disturbance": "any",

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
-from armtempo.planners import CoordinationChart, JointPath, PathDynamics, PhasePlane, TimingProblem
+from armtempo.planners import CoordinationChart, JointPath, PathDynamics, PhasePlane
+from armtempo.planners.coordination import TimingProblem
 from armtempo.robots import Arm
 
 ROOT = Path(__file__).parents[2]

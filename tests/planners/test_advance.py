@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
-from armtempo.planners import CoordinationCell, Mode, PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners import CoordinationCell, PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import Mode
 
 SplineDynamics = Callable[..., PathDynamics]
 MODES: tuple[Mode, ...] = get_args(Mode)

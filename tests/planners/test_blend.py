@@ -12,7 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from armtempo.errors import ArmtempoError, InputError, PathError, UnknownNameError
-from armtempo.planners import CURVES, Arc, Blend, BlendedPath, Line, blend, least_time_blend, passing_cost
+from armtempo.planners import Arc, BlendedPath, Line, blend, least_time_blend
+from armtempo.planners.blends import CURVES, Blend, passing_cost
 
 NAMED = tuple(CURVES)
 

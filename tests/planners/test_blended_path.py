@@ -14,7 +14,9 @@ from scipy.integrate import quad
 
 from armtempo.arrays import Floats
 from armtempo.errors import ArmtempoError, InputError, PathError
-from armtempo.planners import Arc, Blend, BlendedPath, Line, arc_length, blend, blended_point
+from armtempo.planners import Arc, BlendedPath, Line, blend
+from armtempo.planners.blends import Blend, arc_length
+from armtempo.planners.blends.kernels import blended_point
 
 
 def scara(remaining: float = 0.15, **options: object) -> BlendedPath:

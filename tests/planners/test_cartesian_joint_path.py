@@ -25,18 +25,15 @@ from armtempo.planners import (
     AbstractJointPath,
     Arc,
     BlendedPath,
-    CartesianJointPath,
     CartesianPath,
     JointPath,
     Line,
     PathDynamics,
-    Poses,
-    ScaraPath,
-    SphericalWristIK,
-    TwoLinkPath,
     minimum_time,
-    path_point,
 )
+from armtempo.planners.ik import SphericalWristIK
+from armtempo.planners.joint_paths import CartesianJointPath, Poses, ScaraPath, TwoLinkPath
+from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.robots import Arm
 
 pin: Any = importlib.import_module("pinocchio")  # without types of its own

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
-from armtempo.planners import Arc, CartesianPath, Line, Segment
+from armtempo.planners import Arc, CartesianPath, Line
+from armtempo.planners.geometry import Segment
 
 point = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
 

@@ -13,15 +13,8 @@ import pytest
 
 from armtempo.configs import data_path
 from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError, UnknownNameError
-from armtempo.planners import (
-    METHODS,
-    BlendedPath,
-    CartesianJointPath,
-    CoordinationCell,
-    build_cell,
-    load_cell,
-    schedule,
-)
+from armtempo.planners import METHODS, BlendedPath, CoordinationCell, build_cell, load_cell, schedule
+from armtempo.planners.joint_paths import CartesianJointPath
 
 Cells = Callable[..., Path]
 Change = Callable[[dict[str, Any]], object]

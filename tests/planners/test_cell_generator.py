@@ -13,16 +13,8 @@ import pytest
 
 from armtempo.configs import data_path
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import (
-    METHODS,
-    CellLabels,
-    GeneratedCell,
-    benchmark_instances,
-    build_cell,
-    generate_cell,
-    label_cell,
-    schedule,
-)
+from armtempo.planners import METHODS, benchmark_instances, build_cell, generate_cell, schedule
+from armtempo.planners.instances import CellLabels, GeneratedCell, label_cell
 from armtempo.planners.instances._benchmark_set import draw_benchmark
 
 IN_ANOTHER_PROCESS = """

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, PhaseTrajectory, clairvoyant, load_cell, schedule
+from armtempo.planners import CoordinationCell, PhaseTrajectory, load_cell, schedule
+from armtempo.planners.schedules import clairvoyant
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
-from armtempo.planners import ClosedFormIK, FeedbackIK, NewtonIK, PoseTarget, ResolvedRateIK, SphericalWristIK
+from armtempo.planners import ClosedFormIK, FeedbackIK, NewtonIK, PoseTarget, ResolvedRateIK
+from armtempo.planners.ik import SphericalWristIK
 from armtempo.robots import Arm
 
 MIDDLE, AMPLITUDE = np.array([0.45, -0.05, 0.55]), np.array([0.25, 0.45, 0.45])

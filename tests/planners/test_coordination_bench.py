@@ -7,7 +7,8 @@ import math
 
 import pytest
 
-from armtempo.planners import BenchResult, CellLabels, CoordinationCell, bench_cell, bench_claims, label_cell, schedule
+from armtempo.planners import CoordinationCell, schedule
+from armtempo.planners.instances import BenchResult, CellLabels, bench_cell, bench_claims, label_cell
 
 
 @pytest.fixture(scope="module")

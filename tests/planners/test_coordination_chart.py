@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 
 from armtempo.errors import InputError
-from armtempo.planners import (
-    AbstractJointPath,
-    Arc,
-    CartesianPath,
-    CoordinationCell,
-    CoordinationChart,
-    PathDynamics,
-    TwoLinkPath,
-)
+from armtempo.planners import AbstractJointPath, Arc, CartesianPath, CoordinationCell, CoordinationChart, PathDynamics
+from armtempo.planners.joint_paths import TwoLinkPath
 from armtempo.robots import Arm, Clearance, Tool
 
 FREE, UNDECIDED, BLOCKED = 0, 1, 2

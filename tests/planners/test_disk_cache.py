@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from armtempo.cache import cache_folder, cached, content_key
-from armtempo.planners import CoordinationChart, JointPath, clearance_table
+from armtempo.planners import CoordinationChart, JointPath
 from armtempo.planners.charts import _coordination_chart as coordination_chart
 from armtempo.planners.charts import _quadtree as quadtree
+from armtempo.planners.charts import clearance_table
 from armtempo.robots import Arm
 
 Pair = tuple[tuple[Arm, Arm], tuple[JointPath, JointPath]]

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
-from armtempo.planners import FeedbackIK, IKGains, IKRun, Integrator, PoseTarget, SphericalWristIK
+from armtempo.planners import FeedbackIK, IKGains, PoseTarget
+from armtempo.planners.ik import IKRun, Integrator, SphericalWristIK
 from armtempo.planners.ik import _kernels_all as loops
 from armtempo.planners.ik._feedback import ranges_near_zero
 from armtempo.robots import Arm, Tool

@@ -24,8 +24,8 @@ from armtempo.planners import (
     benchmark_instances,
     diagnose,
     minimum_time,
-    refined_plane,
 )
+from armtempo.planners.topp import refined_plane
 from armtempo.robots import Arm, njit
 
 UPRIGHT = (0.0, -9.81, 0.0)  # gravity in the plane of motion

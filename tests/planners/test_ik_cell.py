@@ -17,16 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.configs import IKCellConfig, parse_cell_config
 from armtempo.errors import CollisionError, ConfigError, InfeasibleError, InputError, PathError, UnknownNameError
-from armtempo.planners import (
-    TARGET_FAMILIES,
-    CoordinationCell,
-    IKCell,
-    SphericalWristIK,
-    build_cell,
-    draw_target,
-    load_cell,
-)
+from armtempo.planners import CoordinationCell, IKCell, build_cell, load_cell
+from armtempo.planners.cells import TARGET_FAMILIES, draw_target
 from armtempo.planners.geometry._pose_motions import JointMotion, smooth_step, through_poses
+from armtempo.planners.ik import SphericalWristIK
 from armtempo.robots import Arm, Clearance
 
 FAMILIES = TARGET_FAMILIES[1:]

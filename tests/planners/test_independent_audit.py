@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import ENGINES, CoordinationCell, audit_clearance, default_engine, load_cell, schedule
+from armtempo.planners import CoordinationCell, audit_clearance, load_cell, schedule
+from armtempo.planners.schedules import ENGINES, default_engine
 from armtempo.planners.schedules._audit import COAL_ERROR, _bullet_error, _by_coal, _by_pybullet
 from armtempo.robots import Shape, pack_bodies, separation, static_shape
 

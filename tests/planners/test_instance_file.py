@@ -15,7 +15,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, Instance, label_cell, load_instance, save_instance, schedule
+from armtempo.planners import CoordinationCell, schedule
+from armtempo.planners.instances import Instance, label_cell, load_instance, save_instance
 from armtempo.planners.instances._instance_file import COEFFICIENTS, pack_states, unpack_states
 
 

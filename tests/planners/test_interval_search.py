@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Bools, Ints
 from armtempo.errors import InfeasibleError
-from armtempo.planners import PathDynamics, PhasePlane, PhaseTrajectory, TimingProblem
+from armtempo.planners import PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners.coordination import TimingProblem
 from armtempo.planners.coordination._best_responses import prioritised
 from armtempo.planners.coordination._start_delays import offset, start_offset
 from armtempo.planners.coordination._time_windows import pair_is_free

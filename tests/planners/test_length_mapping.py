@@ -9,18 +9,8 @@ import pytest
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
-from armtempo.planners import (
-    Blend,
-    BlendedPath,
-    CartesianPath,
-    ExactMapping,
-    LengthMapping,
-    Line,
-    PredictorCorrector,
-    arc_length,
-    blend,
-    rk4_length,
-)
+from armtempo.planners import BlendedPath, CartesianPath, Line, PredictorCorrector, blend
+from armtempo.planners.blends import Blend, ExactMapping, LengthMapping, arc_length, rk4_length
 
 SPEED = 1.0  # m/s
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from armtempo.errors import InputError
-from armtempo.planners import Arc, Blend, BlendedPath, CartesianPath, Line, LineSpeedLimits, LineSpeedProfile, blend
+from armtempo.planners import Arc, BlendedPath, CartesianPath, Line, LineSpeedLimits, LineSpeedProfile, blend
 from armtempo.planners import limit_aware_profile as aware
+from armtempo.planners.blends import Blend
 
 LIMITS = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0)
 QUARTER = Arc(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3))

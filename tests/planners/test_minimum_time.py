@@ -14,16 +14,8 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import (
-    Arc,
-    CartesianPath,
-    CoordinationCell,
-    Line,
-    PathDynamics,
-    PhasePlane,
-    TwoLinkPath,
-    minimum_time,
-)
+from armtempo.planners import Arc, CartesianPath, CoordinationCell, Line, PathDynamics, PhasePlane, minimum_time
+from armtempo.planners.joint_paths import TwoLinkPath
 from armtempo.robots import Arm
 
 SplineDynamics = Callable[..., PathDynamics]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, CoordinationChart, JointPath, clearance_table, tabulated_clearance
+from armtempo.planners import CoordinationCell, CoordinationChart, JointPath
+from armtempo.planners.charts import clearance_table, tabulated_clearance
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.robots import Arm, Clearance, Shape
 

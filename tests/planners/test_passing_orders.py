@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Ints
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import CoordinationChart, PassingOrders, Precedence
+from armtempo.planners import CoordinationChart, Precedence
+from armtempo.planners.coordination import PassingOrders
 
 CELLS = 8
 

@@ -11,7 +11,8 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners import Arc, CartesianPath, CoordinationCell, Line, PathDynamics, TwoLinkPath
+from armtempo.planners import Arc, CartesianPath, CoordinationCell, Line, PathDynamics
+from armtempo.planners.joint_paths import TwoLinkPath
 from armtempo.robots import Arm
 
 

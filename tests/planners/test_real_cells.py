@@ -13,7 +13,8 @@ import yaml
 
 from armtempo.configs import bundled_cells, data_path, parse_cell_config
 from armtempo.errors import ConfigError, InputError, PathError
-from armtempo.planners import CoordinationCell, WaypointPath, build_cell, load_cell
+from armtempo.planners import CoordinationCell, build_cell, load_cell
+from armtempo.planners.joint_paths import WaypointPath
 
 REAL = ("panda-pair", "iiwa-pair", "planar-four")
 

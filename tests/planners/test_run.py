@@ -12,15 +12,9 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners import (
-    CoordinationCell,
-    JointPath,
-    Mode,
-    PathDynamics,
-    PhasePlane,
-    PhaseTrajectory,
-    phase_kernels,
-)
+from armtempo.planners import CoordinationCell, JointPath, PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import Mode
+from armtempo.planners.topp import _kernels_all as phase_kernels
 from armtempo.robots import Arm
 
 MODES: tuple[Mode, ...] = get_args(Mode)

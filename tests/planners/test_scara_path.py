@@ -11,7 +11,8 @@ import pytest
 
 from armtempo.configs import LimitsConfig, data_path
 from armtempo.errors import InfeasibleError, PathError, UnknownNameError
-from armtempo.planners import Arc, BlendCell, BlendedPath, CartesianPath, Line, ScaraPath, build_cell
+from armtempo.planners import Arc, BlendCell, BlendedPath, CartesianPath, Line, build_cell
+from armtempo.planners.joint_paths import ScaraPath
 from armtempo.robots import Arm
 
 Elbow = Literal["positive", "negative"]

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from armtempo.arrays import Bools, Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, RobotError
-from armtempo.planners import SphericalWristIK
+from armtempo.planners.ik import SphericalWristIK
 from armtempo.robots import Arm, Tool
 
 

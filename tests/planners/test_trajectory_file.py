@@ -12,14 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armtempo.errors import InputError
-from armtempo.planners import (
-    CoordinationCell,
-    JointTrajectory,
-    PathDynamics,
-    minimum_time,
-    read_trajectory,
-    write_trajectory,
-)
+from armtempo.planners import CoordinationCell, PathDynamics, minimum_time, read_trajectory, write_trajectory
+from armtempo.planners.topp import JointTrajectory
 
 FIELDS = ("time", "q", "qd", "qdd", "torque")
 

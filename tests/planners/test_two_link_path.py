@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import PathError
-from armtempo.planners import Arc, CartesianPath, Line, TwoLinkPath, path_point
+from armtempo.planners import Arc, CartesianPath, Line
+from armtempo.planners.joint_paths import TwoLinkPath
+from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.robots import Arm
 
 MakeArm = Callable[..., Arm]

@@ -10,7 +10,9 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
-from armtempo.planners import CoordinationCell, CoordinationChart, Mode, PhaseTrajectory, VciPlan, VelocityControl
+from armtempo.planners import CoordinationCell, CoordinationChart, PhaseTrajectory, VelocityControl
+from armtempo.planners.coordination import VciPlan
+from armtempo.planners.topp import Mode
 
 
 def wall(like: CoordinationChart, release: float, place: float) -> CoordinationChart:

@@ -15,7 +15,8 @@ from scipy.interpolate import CubicSpline
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.errors import InputError, PathError
-from armtempo.planners import JointPath, WaypointPath
+from armtempo.planners import JointPath
+from armtempo.planners.joint_paths import WaypointPath
 from armtempo.robots import Arm
 
 
@@ -79,7 +80,7 @@ def test_two_waypoints_are_a_line_at_unit_speed() -> None:
 
 
 def test_tables_reproduce_the_path() -> None:
-    from armtempo.planners import path_point
+    from armtempo.planners.joint_paths.kernels import path_point
 
     path = JointPath.through(walk(3, 5, 4))
     table = path.table(64)

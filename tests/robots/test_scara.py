@@ -9,7 +9,8 @@ import pybullet
 import pytest
 
 from armtempo.configs import data_path
-from armtempo.planners import BlendCell, ScaraPath
+from armtempo.planners import BlendCell
+from armtempo.planners.joint_paths import ScaraPath
 from armtempo.robots import Arm, Clearance
 
 URDF = data_path("robots/scara_800.urdf")

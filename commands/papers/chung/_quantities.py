@@ -37,7 +37,8 @@ from armtempo.commands.papers.chung._run import (
 )
 
 if TYPE_CHECKING:
-    from armtempo.planners import IKRun, Integrator, PoseTarget
+    from armtempo.planners import PoseTarget
+    from armtempo.planners.ik import IKRun, Integrator
     from armtempo.robots import Arm
 
 Turned = dict[float, "IKRun"]  # at a fixed target, by how far the approach axis starts from it [deg]
@@ -72,7 +73,8 @@ def _late(errors: Floats, time: Floats) -> float:
 
 
 def _steady(found: Chung) -> list[Quantity]:
-    from armtempo.planners import INTEGRATORS, NewtonIK
+    from armtempo.planners import NewtonIK
+    from armtempo.planners.ik import INTEGRATORS
 
     section = "Errors once settled"
     rows = []
@@ -280,7 +282,7 @@ def _while_held(hard: Hard, error: Floats) -> float:
 
 def _reading(found: Chung) -> list[Quantity]:
     from armtempo.configs import data_path
-    from armtempo.planners import SphericalWristIK
+    from armtempo.planners.ik import SphericalWristIK
     from armtempo.robots import Arm
 
     section = "Where its arm stands"

@@ -16,7 +16,8 @@ from armtempo.arrays import Floats
 from armtempo.configs import IKCellConfig, load_cell_config
 
 if TYPE_CHECKING:
-    from armtempo.planners import FeedbackIK, IKRun, Integrator, PoseTarget
+    from armtempo.planners import FeedbackIK, PoseTarget
+    from armtempo.planners.ik import IKRun, Integrator
     from armtempo.robots import Arm
 
 Rates = tuple[Floats, Floats, Floats, Floats]
@@ -123,7 +124,8 @@ class Chung(NamedTuple):
 
 def run() -> Chung:
     """Track all targets."""
-    from armtempo.planners import INTEGRATORS, IKCell, PoseTarget, load_cell
+    from armtempo.planners import IKCell, PoseTarget, load_cell
+    from armtempo.planners.ik import INTEGRATORS
 
     cell = load_cell("chung", IKCell)
     arm, target, on_path = cell.arm, cell.target, cell.start
@@ -150,7 +152,8 @@ def _outside(arm: Arm) -> Hard:
 
 def _singular(arm: Arm) -> Hard:
     """The tool turns so that the wrist passes its straight posture at 0.01 rad."""
-    from armtempo.planners import PoseTarget, SphericalWristIK
+    from armtempo.planners import PoseTarget
+    from armtempo.planners.ik import SphericalWristIK
 
     straight = POSTURE * [1, 1, 1, 1, 0, 1]
     T = arm.tip_pose(straight)

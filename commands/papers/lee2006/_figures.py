@@ -13,7 +13,8 @@ from armtempo.commands.figures._style import ARM_COLORS, FAINT, INK, MUTED, new_
 from armtempo.commands.papers.lee2006._quantities import MM, REMAINING_MM, TICK, Run, corner, differenced_error
 
 if TYPE_CHECKING:
-    from armtempo.planners import Blend, BlendCell
+    from armtempo.planners import BlendCell
+    from armtempo.planners.blends import Blend
 
 SHADES = ("#24476B", "#3F6F9F", "#6B9AC4", "#9CC3E0")  # of one family of curves, the largest first
 STEP_MM = 1.0  # between the points of Figs. 8 and 9

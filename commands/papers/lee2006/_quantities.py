@@ -12,7 +12,8 @@ from armtempo.arrays import Floats
 from armtempo.commands.papers._reproduction import Quantity
 
 if TYPE_CHECKING:
-    from armtempo.planners import Blend, BlendCell, BlendedPath, LengthMapping
+    from armtempo.planners import BlendCell, BlendedPath
+    from armtempo.planners.blends import Blend, LengthMapping
 
 
 MM = 1e3  # per metre
@@ -136,7 +137,7 @@ def differenced_error(points: Floats, s: Floats) -> Floats:
 
 def _arc_error(path: BlendedPath, s: Floats, mapping: LengthMapping) -> float:
     """The largest error of the speed inside the blends, by the lengths of the curve between ticks [%]."""
-    from armtempo.planners import Blend, arc_length
+    from armtempo.planners.blends import Blend, arc_length
 
     pieces, u = mapping.parameters(s)
     worst = 0.0
@@ -149,7 +150,8 @@ def _arc_error(path: BlendedPath, s: Floats, mapping: LengthMapping) -> float:
 
 
 def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
-    from armtempo.planners import ExactMapping, PredictorCorrector
+    from armtempo.planners import PredictorCorrector
+    from armtempo.planners.blends import ExactMapping
 
     section = "Not printed"
     path, limits = cell.blended, cell.limits

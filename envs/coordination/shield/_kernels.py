@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.world import World, length_of, steps_of
-from armtempo.planners import phase_kernels
+from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import inlined, njit
 
 Orders = NDArray[np.int8]

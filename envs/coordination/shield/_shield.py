@@ -22,7 +22,9 @@ from armtempo.envs.coordination.shield._kernels import (
 )
 from armtempo.envs.coordination.world import Simulation, World
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import CoordinationCell, Execution, PassingOrders, Precedence, VciExecution, schedule
+from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
+from armtempo.planners.coordination import PassingOrders
+from armtempo.planners.schedules import VciExecution
 
 FEW = 4  # arms of which all priority orders are tried
 MANY = 12  # regions of which all orders are tried

@@ -13,7 +13,10 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
 from armtempo.envs.coordination.shield._shield import Shield
 from armtempo.envs.coordination.world import Simulation, World, clearance_of, length_of, steps_of
-from armtempo.planners import CoordinationCell, Mode, phase_kernels, tabulated_clearance
+from armtempo.planners import CoordinationCell
+from armtempo.planners.charts import tabulated_clearance
+from armtempo.planners.topp import Mode
+from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit
 
 REQUESTS = ("full", "random", "persistent", "bang-bang", "mixed")

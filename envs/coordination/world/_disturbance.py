@@ -15,7 +15,9 @@ from armtempo.arrays import Bools, Floats
 from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, phase_kernels, tabulated_clearance
+from armtempo.planners import CoordinationCell
+from armtempo.planners.charts import tabulated_clearance
+from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit
 
 Range = tuple[float, float]

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, Mode, PhaseTrajectory
+from armtempo.planners import CoordinationCell, PhaseTrajectory
+from armtempo.planners.topp import Mode
 
 
 def disturbed_motion(

@@ -28,7 +28,9 @@ from armtempo.envs.coordination.world._world import (
     to_go_of,
     waits_of,
 )
-from armtempo.planners import path_point, phase_kernels, tabulated_clearance
+from armtempo.planners.charts import tabulated_clearance
+from armtempo.planners.joint_paths.kernels import path_point
+from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit, unlocked
 
 SPAN = 64  # episodes in one go: what they need stays in the cache

@@ -48,7 +48,8 @@ from armtempo.envs.coordination.world._kernels import (
 )
 from armtempo.envs.coordination.world._world import World, episodes_of, ideal_world, pack
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, Mode
+from armtempo.planners import CoordinationCell
+from armtempo.planners.topp import Mode
 from armtempo.robots import Arm
 
 MODES: tuple[Mode, ...] = ("speed", "acceleration")

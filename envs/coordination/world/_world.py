@@ -14,15 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners import (
-    ClearanceTable,
-    CoordinationCell,
-    Mode,
-    PathTable,
-    PhaseTrajectory,
-    clearance_table,
-    phase_kernels,
-)
+from armtempo.planners import CoordinationCell, PhaseTrajectory
+from armtempo.planners.charts import ClearanceTable, clearance_table
+from armtempo.planners.joint_paths.kernels import PathTable
+from armtempo.planners.topp import Mode
+from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import ArmModel, njit
 
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
