@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from armtempo.envs import coordination_v0
-from armtempo.envs.blend import BLEND_ENTRIES, MAPPINGS, BlendSimulation, BlendTrace, BlendTrackingEnv, MappingName
+from armtempo.envs.blend import (
+    BLEND_ENTRIES,
+    MAPPINGS,
+    BlendOptions,
+    BlendSimulation,
+    BlendTrace,
+    BlendTrackingEnv,
+    MappingName,
+)
 from armtempo.envs.bodies import PHYSICS, Physics, Renderer
 from armtempo.envs.common import Entry, observation_table, share
 from armtempo.envs.coordination import (
     REWARDS,
     BatchSimulation,
     CoordinationEnv,
+    CoordinationOptions,
     CoordinationVectorEnv,
     ShieldParallelWrapper,
     ShieldWrapper,
@@ -34,12 +43,16 @@ from armtempo.envs.ik import (
     ActionMode,
     FeedbackIKEnv,
     FeedbackIKVectorEnv,
+    IKOptions,
     IKSimulation,
     IKTrace,
     ik_entries,
 )
 
 __all__ = [
+    "BlendOptions",
+    "CoordinationOptions",
+    "IKOptions",
     "BLEND_ENTRIES",
     "DISTURBANCES",
     "ENTRIES",

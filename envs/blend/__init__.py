@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from armtempo.envs.blend._env import BlendTrackingEnv
 from armtempo.envs.blend._observation import BLEND_ENTRIES
+from armtempo.envs.blend._options import BlendKeywords, BlendOptions
 from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
 
 __all__ = [
+    "BlendKeywords",
+    "BlendOptions",
     "BLEND_ENTRIES",
     "BlendSimulation",
     "BlendTrace",

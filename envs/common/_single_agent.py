@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats, Floats32
-from armtempo.envs.bodies import Renderer, check_render_mode, is_number
-from armtempo.errors import ActionError, InputError, RenderError, UnknownNameError
+from armtempo.envs.bodies import Renderer, check_render_mode
+from armtempo.envs.common._options import check_names, check_time_limit
+from armtempo.errors import ActionError, InputError, RenderError
 from armtempo.planners import BlendCell, IKCell
 
 
@@ -27,19 +28,6 @@ class _Simulation(Protocol):
 
 
 Simulated = TypeVar("Simulated", bound=_Simulation)
-
-
-def check_names(*choices: tuple[str, object, Sequence[str]]) -> None:
-    """Raise UnknownNameError for the first (kind, name, known names) whose name is not known."""
-    for kind, name, known in choices:
-        if name not in known:
-            raise UnknownNameError(kind, str(name), known)
-
-
-def check_time_limit(max_episode_s: float | None) -> None:
-    """Raise InputError unless it is a time [s], or None."""
-    if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
-        raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
 
 
 class SingleArmEnv(gymnasium.Env[Floats32, Floats32], Generic[Simulated]):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from armtempo.envs.ik._env import FeedbackIKEnv
 from armtempo.envs.ik._observation import ik_entries
+from armtempo.envs.ik._options import IKKeywords, IKOptions
 from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.envs.ik._vector_env import FeedbackIKVectorEnv
 
 __all__ = [
+    "IKKeywords",
+    "IKOptions",
     "ACTION_MODES",
     "ActionMode",
     "FeedbackIKEnv",

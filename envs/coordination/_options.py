@@ -1,0 +1,86 @@
+"""What can be asked of episodes of several arms: said once, for environments, evaluations and commands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypedDict
+
+from armtempo.envs.bodies import Physics
+from armtempo.envs.common import check_bodies, check_names, check_time_limit, is_number
+from armtempo.envs.coordination.world import DISTURBANCES, MODES, Disturbance, Range, as_noise, as_range
+from armtempo.errors import InputError
+from armtempo.planners.topp import Mode
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinationOptions:
+    """Options of the episodes of a coordination cell.
+
+    Raises:
+        UnknownNameError: No such physics, mode or disturbance.
+        InputError: A value that an episode cannot have.
+    """
+
+    physics: Physics = "bullet"
+    """"bullet": torque control in PyBullet, FCL distances at every tick; "ideal": arms exactly on their paths."""
+
+    mode: Mode = "speed"
+    """What an action means: a share of the highest safe "speed", or of the admissible "acceleration"."""
+
+    disturbance: str | Disturbance | None = None
+    """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go or any."""
+
+    observation_noise: float = 0.0
+    """Standard deviation of normal noise on what agents see, but for entries that are 0 or 1."""
+
+    start_phase: float | Range = 0.0
+    """Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from."""
+
+    master_late_s: float | Range = 0.0
+    """How long the first arm stands at its start [s]: a number, or (lowest, highest) to draw from."""
+
+    model_error: float = 0.0
+    """In "bullet": by what share the simulated bodies are heavier than the plans'."""
+
+    friction_error: float = 0.0
+    """In "bullet": by what share damping and dry friction of the joints are larger."""
+
+    shield: bool = False
+    """Let through only commands that can neither collide nor end in a deadlock."""
+
+    shield_tube_m: float = 0.0
+    """How far arms may be off their references beyond what plans keep in reserve [m]."""
+
+    max_episode_s: float | None = None
+    """Time limit [s] instead of five sequential times."""
+
+    def __post_init__(self) -> None:
+        check_bodies(self.physics, model_error=self.model_error, friction_error=self.friction_error)
+        check_names(("mode", self.mode, MODES))
+        if isinstance(self.disturbance, str):
+            check_names(("disturbance", self.disturbance, DISTURBANCES))
+        as_noise(self.observation_noise)
+        as_range(self.start_phase, "start_phase", 0.999)
+        as_range(self.master_late_s, "master_late_s", math.inf)
+        if not (is_number(self.shield_tube_m) and self.shield_tube_m >= 0.0):
+            raise InputError(
+                f"shield_tube_m must be a distance [m], got {self.shield_tube_m!r}", remedy="give 0 or more"
+            )
+        check_time_limit(self.max_episode_s)
+
+
+class CoordinationKeywords(TypedDict, total=False):
+    """``CoordinationOptions`` as keywords."""
+
+    physics: Physics
+    mode: Mode
+    disturbance: str | Disturbance | None
+    observation_noise: float
+    start_phase: float | Range
+    master_late_s: float | Range
+    model_error: float
+    friction_error: float
+    shield: bool
+    shield_tube_m: float
+    max_episode_s: float | None
