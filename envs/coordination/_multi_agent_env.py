@@ -17,7 +17,13 @@ from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_mo
 from armtempo.envs.common import action_space, observation_space, read_action
 from armtempo.envs.coordination._episode import Episode, agent_names
 from armtempo.envs.coordination.shield import EpisodeShield
-from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation
+from armtempo.envs.coordination.world import (
+    COORDINATION_ENTRIES,
+    CoordinationSimulation,
+    CoordinationTrace,
+    Disturbance,
+    Range,
+)
 from armtempo.errors import ActionError, InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell
@@ -60,7 +66,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         master_late_s: How long the first arm stands before it obeys its agent [s]: a number, or (lowest, highest).
         max_episode_s: Time limit [s] instead of five sequential times.
-        record: Keep an ``EpisodeTrace``.
+        record: Keep a ``CoordinationTrace``.
         disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
             (of the first arm), or a ``Disturbance``; none: None.
         observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
@@ -114,19 +120,19 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
-        self.observation_spaces = {agent: observation_space(ENTRIES) for agent in self.possible_agents}
+        self.observation_spaces = {agent: observation_space(COORDINATION_ENTRIES) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._renderer: Renderer | None = None
         self._closed = False
         self.np_random, self.np_random_seed = seeding.np_random(None)
 
     @property
-    def simulation(self) -> Simulation:
+    def simulation(self) -> CoordinationSimulation:
         """The world below: positions, speeds, time."""
         return self._episode.simulation
 
     @property
-    def trace(self) -> EpisodeTrace:
+    def trace(self) -> CoordinationTrace:
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 

@@ -16,7 +16,14 @@ from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_mo
 from armtempo.envs.common import action_space, observation_space, read_action
 from armtempo.envs.coordination._episode import Episode
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
-from armtempo.envs.coordination.world import ENTRIES, Disturbance, EpisodeTrace, Range, Simulation, as_range
+from armtempo.envs.coordination.world import (
+    COORDINATION_ENTRIES,
+    CoordinationSimulation,
+    CoordinationTrace,
+    Disturbance,
+    Range,
+    as_range,
+)
 from armtempo.errors import ActionError, InputError, UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell
@@ -62,7 +69,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
         max_episode_s: Time limit [s] instead of five sequential times.
-        record: Keep an ``EpisodeTrace``.
+        record: Keep a ``CoordinationTrace``.
         disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
             (of the first arm), or a ``Disturbance``; none: None.
         observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
@@ -110,7 +117,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
             disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
             master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
         )  # fmt: skip
-        self.observation_space: Box = observation_space(ENTRIES)  # type: ignore[assignment]
+        self.observation_space: Box = observation_space(COORDINATION_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
         self._renderer: Renderer | None = None
         self._running = self._closed = False
@@ -123,7 +130,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
         self._shield = self.make_shield(shield_tube_m) if shield else None
 
     @property
-    def simulation(self) -> Simulation:
+    def simulation(self) -> CoordinationSimulation:
         """The world below: positions, speeds, time."""
         return self._episode.simulation
 
@@ -138,7 +145,7 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
         return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
 
     @property
-    def trace(self) -> EpisodeTrace:
+    def trace(self) -> CoordinationTrace:
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 

@@ -8,12 +8,22 @@ import numpy as np
 import pytest
 
 from armtempo.arrays import Floats32
-from armtempo.envs import ENTRIES, MODES, OTHER, OTHERS, OWN, PHYSICS, CoordinationEnv, Physics, YieldingEnv
+from armtempo.envs import (
+    COORDINATION_ENTRIES,
+    MODES,
+    OTHER,
+    OTHERS,
+    OWN,
+    PHYSICS,
+    CoordinationEnv,
+    Physics,
+    YieldingEnv,
+)
 from armtempo.envs.common._entries import share
 from armtempo.planners import CoordinationCell, schedule
 from armtempo.planners.topp import Mode
 
-NAMES = [entry.name for entry in ENTRIES]
+NAMES = [entry.name for entry in COORDINATION_ENTRIES]
 FLOAT32 = 1e-6
 
 
@@ -26,12 +36,12 @@ def test_the_table_is_the_space_and_the_docstring(lee1991: CoordinationCell) -> 
     spaces = [CoordinationEnv(lee1991, physics="ideal").observation_space("arm_1")]
     spaces += [YieldingEnv(lee1991, physics="ideal").observation_space]
     for space in spaces:
-        assert space.shape == (len(ENTRIES),)
+        assert space.shape == (len(COORDINATION_ENTRIES),)
         assert space.dtype == np.float32
-        np.testing.assert_array_equal(space.low, [entry.low for entry in ENTRIES])
-        np.testing.assert_array_equal(space.high, [entry.high for entry in ENTRIES])
+        np.testing.assert_array_equal(space.low, [entry.low for entry in COORDINATION_ENTRIES])
+        np.testing.assert_array_equal(space.high, [entry.high for entry in COORDINATION_ENTRIES])
     for env_class in (CoordinationEnv, YieldingEnv):
-        for entry in ENTRIES:
+        for entry in COORDINATION_ENTRIES:
             assert entry.name in (env_class.__doc__ or "")
             assert entry.meaning in (env_class.__doc__ or "")
 
