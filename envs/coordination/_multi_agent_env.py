@@ -91,6 +91,8 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
     the goal below 10 mm/s for 20 ms. All terminate when two arms are closer than ``d_min`` at any tick. The episode
     is *truncated* at five times the sequential time.
 
+    **Reset options**, for this episode: ``master_late_s``, a number.
+
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.

@@ -85,6 +85,8 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     **End**: *terminated* on arrival of the learning arm, and on a violation of ``d_min``; *truncated* at five times the
     sequential time. Arrival and violation as in ``CoordinationEnv``.
 
+    **Reset options**, for this episode: ``master_late_s``, a number.
+
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         learner: Name of the learning arm; None: the last one.

@@ -159,6 +159,11 @@ class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
     **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success``: it lasted to the target's
     end, and the rms errors over all ticks were below the cell's scales.
 
+    **Infos**: ``time_s``, ``position_error_m``, ``orientation_error_rad``, ``singular_value``, ``damped``, ``capped``,
+    ``reward_terms``; after a reset ``duration_s`` and the errors; at the end ``position_error_rms_m`` and
+    ``orientation_error_rms_rad`` over all ticks, ``is_success``. ``position_error_mm`` and
+    ``position_error_rms_mm`` say the same in mm; they go with the next release.
+
     **Reset options**, for this episode: ``family``.
 
     Args:

@@ -89,6 +89,11 @@ def act(env: Any, size: float = 1.0) -> Any:
     return np.full(env.action_space.shape, size, dtype=np.float32)
 
 
+def reset_options(make: Any) -> tuple[str, ...]:
+    """That an environment knows."""
+    return tuple(getattr(make, "reset_options", ("master_late_s",)))
+
+
 def says(error: pytest.ExceptionInfo[ArmtempoError], *parts: str) -> None:
     text = str(error.value)
     assert "\n" not in text
@@ -114,8 +119,8 @@ def test_the_environment_keeps_its_options(kind: Kind, make: Make) -> None:
 
 def test_every_option_is_named_in_the_docstring(kind: Kind) -> None:
     text = kind.make.__doc__ or ""
-    for field in fields(kind.options):
-        assert f"``{field.name}``" in text
+    for name in (*(field.name for field in fields(kind.options)), *reset_options(kind.make)):
+        assert f"``{name}``" in text
 
 
 @pytest.mark.parametrize(
@@ -211,7 +216,7 @@ def test_gymnasium_makes_it_with_options_and_remembers_them(name: str, options: 
 
 def test_an_unknown_reset_option_is_told_the_nearest_name(kind: Kind, make: Make) -> None:
     env = make()
-    known = next(iter(getattr(env, "reset_options", ("master_late_s",))))
+    known = reset_options(kind.make)[0]
     for wrong in ("typo", kind.reset_option):
         with pytest.raises(UnknownNameError) as error:
             env.reset(options={wrong: 1})
