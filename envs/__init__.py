@@ -27,15 +27,15 @@ from armtempo.envs.coordination import (
 )
 from armtempo.envs.coordination.shield import REQUESTS, EpisodeShield, Shield, ShieldTrial, shield_trial
 from armtempo.envs.coordination.world import (
+    COORDINATION_ENTRIES,
     DISTURBANCES,
-    ENTRIES,
     MODES,
     OTHER,
     OTHERS,
     OWN,
+    CoordinationSimulation,
+    CoordinationTrace,
     Disturbance,
-    EpisodeTrace,
-    Simulation,
     disturbed_motion,
 )
 from armtempo.envs.ik import (
@@ -55,7 +55,7 @@ __all__ = [
     "IKOptions",
     "BLEND_ENTRIES",
     "DISTURBANCES",
-    "ENTRIES",
+    "COORDINATION_ENTRIES",
     "MAPPINGS",
     "MODES",
     "OTHER",
@@ -73,7 +73,7 @@ __all__ = [
     "Disturbance",
     "Entry",
     "EpisodeShield",
-    "EpisodeTrace",
+    "CoordinationTrace",
     "MappingName",
     "Physics",
     "Renderer",
@@ -81,7 +81,7 @@ __all__ = [
     "ShieldParallelWrapper",
     "ShieldTrial",
     "ShieldWrapper",
-    "Simulation",
+    "CoordinationSimulation",
     "YieldingEnv",
     "YieldingVectorEnv",
     "coordination_v0",
@@ -97,8 +97,3 @@ __all__ = [
     "IKTrace",
     "ik_entries",
 ]
-
-for _env in (CoordinationEnv, YieldingEnv):
-    _env.__doc__ = (_env.__doc__ or "").replace("{table}", observation_table(ENTRIES))
-BlendTrackingEnv.__doc__ = (BlendTrackingEnv.__doc__ or "").replace("{table}", observation_table(BLEND_ENTRIES))
-FeedbackIKEnv.__doc__ = (FeedbackIKEnv.__doc__ or "").replace("{table}", observation_table(ik_entries(6)))

@@ -15,7 +15,7 @@ from armtempo.agents.coordination._baselines import POLICIES, make_policy
 from armtempo.agents.evaluation import Interval, mean_interval, ratio_interval
 from armtempo.agents.ik import IKEvaluation, evaluate_ik
 from armtempo.agents.policies import Policy, chosen_policies, is_agent_name, learned_policy
-from armtempo.envs import CoordinationEnv, EpisodeTrace, Physics, disturbed_motion
+from armtempo.envs import CoordinationEnv, CoordinationTrace, Physics, disturbed_motion
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import METHODS, BlendCell, CoordinationCell, IKCell, Schedule, schedule
 from armtempo.planners.cells import FamilyName, TargetFamilyName
@@ -67,7 +67,7 @@ class PolicyResult:
     reward: float
     interventions: float | None
     planning_time_s: float | None
-    trace: EpisodeTrace = field(repr=False)
+    trace: CoordinationTrace = field(repr=False)
     schedule: Schedule | None = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,7 +175,7 @@ class Evaluation:
         }
 
 
-def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -> tuple[EpisodeTrace, float]:
+def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -> tuple[CoordinationTrace, float]:
     """One episode to its end, in an ``env`` made with ``record``; returns its trace and the sum of all rewards."""
     trace, total, _ = _run_episode(env, policy, seed)
     return trace, total
@@ -183,7 +183,7 @@ def run_episode(env: CoordinationEnv, policy: Policy, seed: int | None = None) -
 
 def _run_episode(
     env: CoordinationEnv, policy: Policy, seed: int | None
-) -> tuple[EpisodeTrace, float, dict[str, dict[str, Any]]]:
+) -> tuple[CoordinationTrace, float, dict[str, dict[str, Any]]]:
     """That, and the last info of every agent."""
     observations, _ = env.reset(seed=seed)
     policy.reset(seed)
@@ -346,7 +346,7 @@ def clairvoyant_makespans(env: CoordinationEnv, episodes: int, seed: int) -> tup
     makespans = []
     for episode in range(episodes):
         _, infos = env.reset(seed=seed + episode)
-        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.mode)
+        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.options.mode)
         try:
             motions = clairvoyant(env.cell, {0: first})
         except InfeasibleError:

@@ -21,7 +21,7 @@ from armtempo.configs import (
 )
 from armtempo.envs import (
     BLEND_ENTRIES,
-    ENTRIES,
+    COORDINATION_ENTRIES,
     BlendTrackingEnv,
     CoordinationEnv,
     CoordinationVectorEnv,
@@ -60,7 +60,7 @@ class Workplace:
     def entries(self) -> list[str]:
         """Names of the observation's entries."""
         if self.environment == "coordination":
-            return [entry.name for entry in ENTRIES]
+            return [entry.name for entry in COORDINATION_ENTRIES]
         if self.environment == "blend-tracking":
             return [entry.name for entry in BLEND_ENTRIES]
         cell = self.cells[0]

@@ -28,7 +28,7 @@ from armtempo.planners import CoordinationCell, PhaseTrajectory, Schedule
 
 if TYPE_CHECKING:
     from armtempo.agents import Evaluation, PolicyResult
-    from armtempo.envs import EpisodeTrace
+    from armtempo.envs import CoordinationTrace
 
 
 CLEARANCE_SAMPLES = 300  # of a plan
@@ -48,7 +48,7 @@ def _planned_torque(trajectory: PhaseTrajectory) -> tuple[Floats, Floats]:
 
 @styled
 def torques(
-    plan: Schedule | None, trace: EpisodeTrace | None = None, cell: CoordinationCell | None = None, title: str = ""
+    plan: Schedule | None, trace: CoordinationTrace | None = None, cell: CoordinationCell | None = None, title: str = ""
 ) -> Figure:
     """Torque of every joint over time with its limits: planned, and simulated where there is a trace.
 
@@ -149,7 +149,7 @@ def _draw_clearance(
 def clearances(
     cell: CoordinationCell,
     plans: Mapping[str, Schedule],
-    traces: Mapping[str, EpisodeTrace] | None = None,
+    traces: Mapping[str, CoordinationTrace] | None = None,
     emphasised: str = "vci",
     title: str = "Clearance between the arms",
 ) -> Figure:
@@ -270,7 +270,7 @@ def planned_speeds(plan: Schedule, samples: int = 500) -> tuple[Floats, Floats, 
     return instants, mu, np.array([trajectory.duration for trajectory in plan.trajectories])
 
 
-def simulated_speeds(trace: EpisodeTrace) -> tuple[Floats, Floats, Floats]:
+def simulated_speeds(trace: CoordinationTrace) -> tuple[Floats, Floats, Floats]:
     """The same of an episode."""
     return trace.time, trace.mu, trace.arrival
 
@@ -328,7 +328,7 @@ def _draw_bars(axes: Axes, results: Mapping[str, PolicyResult], bound: float, se
     )
 
 
-def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: EpisodeTrace, name: str) -> None:
+def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: CoordinationTrace, name: str) -> None:
     """Torque of every joint as a share of its limit, in simulation."""
     for i, arm in enumerate(cell.arms):
         for j in range(arm.dof):

@@ -31,7 +31,7 @@ from armtempo.envs.common import (
 from armtempo.envs.coordination._batch import BatchSimulation
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
-from armtempo.envs.coordination.world import ENTRIES, Disturbance, Range
+from armtempo.envs.coordination.world import COORDINATION_ENTRIES, Disturbance, Range
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell, Execution
 from armtempo.planners.cells import CellBase, as_cell
@@ -110,7 +110,7 @@ class YieldingVectorEnv(VectorEnv[Floats32, Floats32, NDArray[Any]]):
         )  # fmt: skip
         self.metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
-        self.single_observation_space: Box = observation_space(ENTRIES)
+        self.single_observation_space: Box = observation_space(COORDINATION_ENTRIES)
         self.single_action_space: Box = action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
@@ -295,7 +295,7 @@ class CoordinationVectorEnv:
             for one, span in zip(self.cells, self._spans, strict=True)
         )  # fmt: skip
         self._shielded = shield
-        self.observation_space: Box = observation_space(ENTRIES)
+        self.observation_space: Box = observation_space(COORDINATION_ENTRIES)
         self.action_space: Box = action_space()
         self._full = np.ones((self.num_envs, self.arms))
 

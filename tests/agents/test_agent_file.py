@@ -14,11 +14,11 @@ import pytest
 
 from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent, save_agent, shipped_agents
 from armtempo.agents.training._export import agent_of
-from armtempo.envs import ENTRIES
+from armtempo.envs import COORDINATION_ENTRIES
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError
 from armtempo.planners import CoordinationCell
 
-SIZE = len(ENTRIES)
+SIZE = len(COORDINATION_ENTRIES)
 
 
 def header(**changes: Any) -> AgentHeader:
@@ -29,7 +29,7 @@ def header(**changes: Any) -> AgentHeader:
         environment="coordination",
         settings={"physics": "ideal"},
         learners="last",
-        entries=[entry.name for entry in ENTRIES],
+        entries=[entry.name for entry in COORDINATION_ENTRIES],
         cells=["lee1991"],
         steps=1,
         seed=0,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import ExecutionPolicy, PhasePlanePolicy, Policy, run_episode, to_action
-from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics, YieldingEnv
+from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, Schedule
 from armtempo.planners.coordination import plan_vci
@@ -54,7 +54,7 @@ class Disturbed:
 
 def run(
     cell: CoordinationCell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
-) -> EpisodeTrace:
+) -> CoordinationTrace:
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
     try:
         return run_episode(env, policy, 0)[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import POLICIES, Observations, Policy, make_policy, run_episode, to_action
-from armtempo.envs import MODES, PHYSICS, CoordinationEnv, EpisodeTrace, Physics
+from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics
 from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, benchmark_instances, build_cell, schedule
 from armtempo.planners.topp import Mode
@@ -23,7 +23,7 @@ def _run(
     mode: Mode = "speed",
     late: float = 0.0,
     seed: int = 0,
-) -> EpisodeTrace:
+) -> CoordinationTrace:
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
     try:
         return run_episode(env, make_policy(name, cell), seed)[0]
@@ -37,7 +37,7 @@ def coarse(lee1991: CoordinationCell) -> CoordinationCell:
     return build_cell(lee1991.config.model_copy(update={"physics_tick_s": 1 / 240, "control_period_s": 1 / 240}))
 
 
-def _is_safe(trace: EpisodeTrace, cell: CoordinationCell, path_error: float) -> None:
+def _is_safe(trace: CoordinationTrace, cell: CoordinationCell, path_error: float) -> None:
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
     assert trace.clearance.min() >= cell.d_min

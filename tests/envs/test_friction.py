@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from armtempo.envs import EpisodeTrace, Simulation
+from armtempo.envs import CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import CoordinationCell, build_cell
@@ -36,8 +36,8 @@ def slow(lee1991: CoordinationCell) -> CoordinationCell:
     return build_cell(lee1991.config.model_copy(update={"torque_reserve": 0.5}))
 
 
-def run(cell: CoordinationCell) -> EpisodeTrace:
-    simulation = Simulation(cell, physics="bullet", record=True)
+def run(cell: CoordinationCell) -> CoordinationTrace:
+    simulation = CoordinationSimulation(cell, physics="bullet", record=True)
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past: friction holds it there
     try:
         while not np.isfinite(simulation.arrival).all() and simulation.time < 2.0:
@@ -92,7 +92,7 @@ def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: CoordinationC
 
 
 def test_resets_stay_exact_with_friction(slow: CoordinationCell) -> None:
-    simulation = Simulation(with_friction(slow, 0.5, 0.2), physics="bullet", record=True)
+    simulation = CoordinationSimulation(with_friction(slow, 0.5, 0.2), physics="bullet", record=True)
     runs = []
     for _ in range(2):
         simulation.reset([0.0, 0.6])

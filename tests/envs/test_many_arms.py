@@ -14,11 +14,11 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 import armtempo
-from armtempo.envs import ENTRIES, PHYSICS, CoordinationEnv, Physics, Simulation, share
+from armtempo.envs import COORDINATION_ENTRIES, PHYSICS, CoordinationEnv, CoordinationSimulation, Physics, share
 from armtempo.planners import CoordinationCell
 
 assert armtempo.__version__
-NAMES = [entry.name for entry in ENTRIES]
+NAMES = [entry.name for entry in COORDINATION_ENTRIES]
 
 
 @pytest.fixture(autouse=True)
@@ -109,8 +109,8 @@ def test_the_two_most_constraining_arms_are_seen(four_arms: CoordinationCell) ->
 def test_clearance_may_be_skipped_never_missed(trio: CoordinationCell) -> None:
     """The least clearance of an episode is that of asking FCL at every tick."""
     commands = np.array([1.0, 0.0, 0.0])  # it comes by, and goes away
-    recorded = Simulation(trio, physics="bullet", record=True)
-    simulation = Simulation(trio, physics="bullet")
+    recorded = CoordinationSimulation(trio, physics="bullet", record=True)
+    simulation = CoordinationSimulation(trio, physics="bullet")
     asked_at = []
     for _ in range(90):
         simulation.step(commands)

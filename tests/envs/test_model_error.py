@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from armtempo.envs import CoordinationEnv, EpisodeTrace, Simulation
+from armtempo.envs import CoordinationEnv, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.planners import CoordinationCell, build_cell
 from armtempo.robots import Arm
@@ -35,8 +35,10 @@ def with_friction(cell: CoordinationCell, damping: float, coulomb: float) -> Coo
     return dataclasses.replace(cell, arms=tuple(arms))
 
 
-def run(cell: CoordinationCell, *, model_error: float = 0.0, friction_error: float = 0.0) -> EpisodeTrace:
-    simulation = Simulation(cell, physics="bullet", record=True, model_error=model_error, friction_error=friction_error)
+def run(cell: CoordinationCell, *, model_error: float = 0.0, friction_error: float = 0.0) -> CoordinationTrace:
+    simulation = CoordinationSimulation(
+        cell, physics="bullet", record=True, model_error=model_error, friction_error=friction_error
+    )
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past
     try:
         while not np.isfinite(simulation.arrival).all() and simulation.time < 2.0:

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 import yaml
 
-from armtempo.envs import CoordinationEnv, Simulation, YieldingEnv
+from armtempo.envs import CoordinationEnv, CoordinationSimulation, YieldingEnv
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import CoordinationCell, load_cell
 from armtempo.robots import Arm
@@ -150,7 +150,7 @@ def test_the_mass_without_the_tool_is_another_one(tmp_path: Path) -> None:
 
 
 def test_resets_are_bit_exact(lee1991: CoordinationCell) -> None:
-    simulation, random = Simulation(lee1991), np.random.default_rng(4)
+    simulation, random = CoordinationSimulation(lee1991), np.random.default_rng(4)
     runs: list[list[bytes]] = []
     for _ in range(3):
         simulation.reset(0.2)

@@ -9,10 +9,10 @@ import pytest
 from armtempo.envs import (
     REQUESTS,
     CoordinationEnv,
+    CoordinationSimulation,
     Shield,
     ShieldParallelWrapper,
     ShieldWrapper,
-    Simulation,
     YieldingEnv,
     shield_trial,
 )
@@ -49,7 +49,7 @@ def test_full_speed_is_near_the_optimum(mixed: CoordinationCell) -> None:
 
 
 def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: CoordinationCell) -> None:
-    simulation = Simulation(mixed, physics="ideal")
+    simulation = CoordinationSimulation(mixed, physics="ideal")
     shield = Shield(mixed, simulation.world)
     rng = np.random.default_rng(0)
     for _ in range(4):

@@ -20,7 +20,7 @@ from armtempo.envs.coordination.shield._kernels import (
     fill_braked,
     first_orders,
 )
-from armtempo.envs.coordination.world import Simulation, World
+from armtempo.envs.coordination.world import CoordinationSimulation, World
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
@@ -245,7 +245,7 @@ class EpisodeShield:
 
     def __init__(
         self,
-        simulation: Simulation,
+        simulation: CoordinationSimulation,
         *,
         scripted: Sequence[int] = (),
         plan: Precedence | None = None,

@@ -18,9 +18,9 @@ from armtempo.envs.coordination.world._disturbance import (
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
-from armtempo.envs.coordination.world._entries import ENTRIES, OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.coordination.world._entries import COORDINATION_ENTRIES, OTHER, OTHERS, OWN, SIZE
 from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
-from armtempo.envs.coordination.world._simulation import MODES, EpisodeTrace, Simulation
+from armtempo.envs.coordination.world._simulation import MODES, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.coordination.world._world import (
     Episodes,
     World,
@@ -36,8 +36,8 @@ __all__ = [
     "DISTURBANCES",
     "Disturbance",
     "Draws",
-    "ENTRIES",
-    "EpisodeTrace",
+    "COORDINATION_ENTRIES",
+    "CoordinationTrace",
     "Episodes",
     "MODES",
     "OTHER",
@@ -45,7 +45,7 @@ __all__ = [
     "OWN",
     "Range",
     "SIZE",
-    "Simulation",
+    "CoordinationSimulation",
     "World",
     "as_noise",
     "as_range",

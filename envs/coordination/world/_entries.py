@@ -39,10 +39,10 @@ OTHER = (
 )
 
 
-ENTRIES = (
+COORDINATION_ENTRIES = (
     *OWN,
     *(Entry(f"other_{k}.{e.name}", min(e.low, 0.0), e.high, e.meaning) for k in range(OTHERS) for e in OTHER),
 )
 
 
-SIZE = len(ENTRIES)
+SIZE = len(COORDINATION_ENTRIES)

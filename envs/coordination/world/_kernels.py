@@ -275,7 +275,7 @@ def observe(
     scratch: Scratch,
     out: Floats32,
 ) -> None:
-    """Write the observations (E, A, size) of all arms in the order of ``ENTRIES`` (see ``_observation``).
+    """Write the observations (E, A, size) of all arms in the order of ``COORDINATION_ENTRIES`` (see ``_observation``).
 
     ``noise``: standard deviation of what is added to every entry that is not 0/1-valued or padding.
     """

@@ -73,7 +73,7 @@ def _check_errors(physics: Physics, model_error: float, friction_error: float) -
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class EpisodeTrace:
+class CoordinationTrace:
     """An episode at its ticks; A arms, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
 
     Attributes:
@@ -126,7 +126,7 @@ class EpisodeTrace:
 
 
 @final
-class Simulation:
+class CoordinationSimulation:
     """One cell, run in control periods.
 
     Args:
@@ -396,7 +396,7 @@ class Simulation:
         self.arrival[done] = np.maximum(arrived, self._settled_since)[done]
 
     def observe(self) -> Floats32:
-        """(A, 21) observations of all arms, in the order of ``ENTRIES``; a new array."""
+        """(A, 21) observations of all arms, in the order of ``COORDINATION_ENTRIES``; a new array."""
         if self.physics == "bullet" or self._ticks == 0:
             observe(
                 self._world, self._episodes, 0, 1, self._active, self._noise, OTHERS, len(OWN), len(OTHER),
@@ -414,7 +414,7 @@ class Simulation:
             q[i, : path.dof] = path.evaluate(self.lam[i])[0]
         return q
 
-    def trace(self) -> EpisodeTrace:
+    def trace(self) -> CoordinationTrace:
         """What happened so far.
 
         Raises:
@@ -432,7 +432,7 @@ class Simulation:
         else:
             q = tuple(path.evaluate(lam[:, i])[0] for i, path in enumerate(self.cell.paths))
             torque = demand = tuple(self._ideal_torque(i, lam[:, i], mu[:, i]) for i in range(self.arms))
-        return EpisodeTrace(
+        return CoordinationTrace(
             time=np.asarray(np.arange(len(lam)) * self._tick, dtype=np.float64),
             lam=lam,
             mu=mu,
