@@ -24,6 +24,7 @@ from armtempo.planners.ik.kernels import Scratch as ArmScratch
 from armtempo.planners.ik.kernels import scratch as arm_scratch
 from armtempo.planners.ik.kernels import tip_and_jacobian
 from armtempo.robots import ArmModel, njit
+from armtempo.robots.kernels import invert
 
 __all__ = ["Reference", "Scratch", "follow", "scratch", "speed_bounds"]
 
@@ -94,34 +95,6 @@ def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
 
 
 @njit
-def _invert(w: Scratch) -> bool:
-    """w.B = w.A^-1 by Gauss and Jordan with row pivots; w.A is lost. False: singular."""
-    A, B = w.A, w.B
-    n = A.shape[0]
-    for i in range(n):
-        for k in range(n):
-            B[i, k] = 1.0 if i == k else 0.0
-    for c in range(n):
-        best = c
-        for i in range(c + 1, n):
-            if abs(A[i, c]) > abs(A[best, c]):
-                best = i
-        pivot = A[best, c]
-        if not abs(pivot) > 1e-14:
-            return False
-        for k in range(n):
-            A[best, k], A[c, k] = A[c, k], A[best, k] / pivot
-            B[best, k], B[c, k] = B[c, k], B[best, k] / pivot
-        for i in range(n):
-            if i != c and A[i, c] != 0.0:
-                f = A[i, c]
-                for k in range(n):
-                    A[i, k] -= f * A[c, k]
-                    B[i, k] -= f * B[c, k]
-    return True
-
-
-@njit
 def _solve(w: Scratch, task: Floats, twist: Floats, rest: Floats, out: Floats) -> None:
     """Out = A^-1 [task twist; rest] from w.B."""
     m, n = task.shape[0], out.shape[0]
@@ -188,7 +161,7 @@ def follow(
         for _ in range(NEWTON):
             tip_and_jacobian(model, w.q, w.arm)
             _matrix(task, N, w)
-            if not _invert(w):
+            if not invert(w.A, w.B):
                 break
             tip, R = w.arm.tip, rotation[k]
             for i in range(3):
@@ -254,7 +227,7 @@ def speed_bounds(
             w.q[j] = q[k, j]
         tip_and_jacobian(model, w.q, w.arm)
         _matrix(task, null[k], w)
-        if not _invert(w):
+        if not invert(w.A, w.B):
             continue
         largest = 0.0
         for j in range(n):

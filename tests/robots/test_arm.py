@@ -14,8 +14,7 @@ import pytest
 
 from armtempo.arrays import Floats
 from armtempo.errors import RobotError
-from armtempo.robots import Arm, Tool
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, Tool, kernels
 
 pin: Any = importlib.import_module("pinocchio")  # without types of its own
 
