@@ -98,5 +98,5 @@ def check_keywords(function: Callable[..., object], extra: Mapping[str, object],
     known = list(known)
     for name in extra:
         if name not in known:
-            named = [p.name for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+            named = [p.name for p in signature(function).parameters.values() if p.kind is not p.VAR_KEYWORD]
             raise UnknownNameError("keyword", name, [*named, *known])
