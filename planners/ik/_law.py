@@ -127,7 +127,7 @@ class Scratch(NamedTuple):
     y: Floats
     """(m,) the scaled task's part of it."""
     z: Floats
-    """(m,) what the joints' own wishes do to that part."""
+    """(m,) what the free joints' speeds towards the posture do to that part."""
     lost: Floats
     """(m + 1,) a direction of the task that is as good as singular, and the joint speed that is asked for it."""
     tip: Floats
