@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.robots import ArmModel, njit
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import ArmModel, kernels, njit
 
 
 @njit

@@ -28,8 +28,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.robots import Arm
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, kernels
 
 
 def _read_only(value: ArrayLike) -> Floats:
