@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
-from armtempo.planners.topp._kernels_all import active_rows
+from armtempo.planners.topp._greedy import active_rows
 from armtempo.planners.topp._phase_plane import PhasePlane
 from armtempo.planners.topp._trajectory import PhaseTrajectory
 
