@@ -29,8 +29,8 @@ Mode = Literal["speed", "acceleration"]
 
 NO_TICKS = np.empty(0)
 NO_PROFILE = np.empty(0)
-EXCESS = 1e-3  # share of a limit that dense sampling may find above it
-REFINEMENTS = 10
+LIMIT_EXCESS_MAX = 1e-3  # of a limit: what dense sampling may find above it
+REFINEMENTS_MAX = 10
 
 
 @final
@@ -401,13 +401,13 @@ def refined_plane(
     if dynamics.arm is None:
         return PhasePlane(dynamics, mu_end)
     name = dynamics.arm.name
-    for _ in range(REFINEMENTS):
+    for _ in range(REFINEMENTS_MAX):
         plane = PhasePlane(dynamics, mu_end)
         motions = [plane.fastest(mu_start)]
         if tick:
             ticks = int(1.5 * motions[0].duration / tick) + 2
             motions.append(plane.motion(np.ones(ticks), np.full(ticks, tick), mu=mu_start))
-        stations = np.concatenate([motion.stations_above(EXCESS) for motion in motions])
+        stations = np.concatenate([motion.stations_above(LIMIT_EXCESS_MAX) for motion in motions])
         if not len(stations):
             return plane
         dynamics = dynamics.refined(stations)
