@@ -17,9 +17,9 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
-LABELS = 12  # intervals kept per state; the latest are dropped
-SHUT = 256  # forbidden windows told apart in one interval
-SLACK = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
+INTERVALS_PER_STATE = 12  # intervals kept per state; the latest are dropped
+MOST_WINDOWS = 256  # forbidden windows told apart in one interval
+LIMIT_SLACK_SHARE = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
 
 
 class Lattice(NamedTuple):
@@ -59,7 +59,7 @@ def _accelerations(rows: Rows, p: int, q: int, x: float) -> tuple[float, float]:
                 continue
             drag = rows.r[m, j] * np.sqrt(x)
             low, high = rows.low[m, j] - drag, rows.high[m, j] - drag
-            slack = SLACK * (high - low) if high - low < np.inf else 0.0
+            slack = LIMIT_SLACK_SHARE * (high - low) if high - low < np.inf else 0.0
             a = rows.a[m, j] + d2 * rows.b[m, j]
             low, high = low - slack - rows.b[m, j] * x, high + slack - rows.b[m, j] * x
             if a < 0.0:
@@ -83,7 +83,7 @@ def _drags(rows: Rows, p: int, q: int, x: float, u: float) -> bool:
                 r = rows.r[m, j]
                 if r != 0.0:
                     torque = rows.a[m, j] * u + rows.b[m, j] * x_here + r * np.sqrt(x_here)
-                    slack = SLACK * (rows.high[m, j] - rows.low[m, j])
+                    slack = LIMIT_SLACK_SHARE * (rows.high[m, j] - rows.low[m, j])
                     if torque < rows.low[m, j] - slack or torque > rows.high[m, j] + slack:
                         return False
     return True
@@ -227,9 +227,9 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Floats, label:
     ``label`` (N+1, K, L, 2) and ``count`` (N+1, K), zero at first; labels of states at rest end up grown by waiting.
     """
     last = lattice.pick.shape[0] - 1
-    blocks = np.empty((SHUT, 4))
-    shut = np.empty((SHUT, 2))
-    pieces = np.empty((LABELS + SHUT, 2))
+    blocks = np.empty((MOST_WINDOWS, 4))
+    shut = np.empty((MOST_WINDOWS, 2))
+    pieces = np.empty((INTERVALS_PER_STATE + MOST_WINDOWS, 2))
     grown = np.empty((label.shape[2], 2))
     friction = (rows.r != 0.0).any()
     label[0, 0, 0, 0] = label[0, 0, 0, 1] = 0.0
@@ -309,9 +309,9 @@ def trace(
     Of the ways back the one is taken that changes ``u`` least. Returns 0, or the station where none is left.
     """  # fmt: skip
     last = lattice.pick.shape[0] - 1
-    blocks = np.empty((SHUT, 4))
-    shut = np.empty((SHUT, 2))
-    pieces = np.empty((LABELS + SHUT, 2))
+    blocks = np.empty((MOST_WINDOWS, 4))
+    shut = np.empty((MOST_WINDOWS, 2))
+    pieces = np.empty((INTERVALS_PER_STATE + MOST_WINDOWS, 2))
     x[last], leave[last] = lattice.level[last, end], time
     u_after = 0.0
     for i in range(last - 1, -1, -1):
