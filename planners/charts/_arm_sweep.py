@@ -16,7 +16,7 @@ from armtempo.arrays import Floats, Ints
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, njit
 
-SAMPLES_PER_INTERVAL = 16  # path samples per smallest interval
+SAMPLES_PER_INTERVAL = 16  # of the path, per smallest interval
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

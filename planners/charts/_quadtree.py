@@ -26,7 +26,7 @@ States = NDArray[np.uint8]
 
 FREE, UNDECIDED, BLOCKED = 0, 1, 2
 ASK_SHAPES, HOPELESS = 3, 4  # of a pair: the real shapes decide; of a cell: no part of it will be free by its capsules
-DISTANCE_ROUNDING = 1e-9  # [m] rounding
+DISTANCE_ROUNDING = 1e-9  # [m]
 
 
 class _Side(NamedTuple):

@@ -25,11 +25,11 @@ from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
 from armtempo.planners.topp import EXCESS, PhaseTrajectory
 
-CLOSE_ENOUGH_SHARE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
-LEAST_GAIN_SHARE = 1e-4  # smallest gain of a round of best responses, as a share of the makespan
+CLOSE_ENOUGH_SHARE = 0.002  # of what is attainable: a plan within it is not improved any more
+LEAST_GAIN_SHARE = 1e-4  # of the makespan: what a round of best responses must gain
 MOST_ROUNDS = 6  # of best responses
-BETTER_SHARE = 1.0 - 1e-9  # share of the makespan: ties keep the cell's order, whatever the rounding
-GUIDE_STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)
+BETTER_SHARE = 1.0 - 1e-9  # of the makespan: ties keep the cell's order, whatever the rounding
+GUIDE_STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)  # by which an arm on the relaxed path is slowed down
 MOST_SHIFTED_ORDERS = 2000  # orders begun, when arms only shift their motions
 MOST_SHAPED_ORDERS = 40  # orders begun, when motions are shaped
 

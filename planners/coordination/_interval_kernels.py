@@ -17,9 +17,11 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
-INTERVALS_PER_STATE = 12  # intervals kept per state; the latest are dropped
-MOST_WINDOWS = 256  # forbidden windows told apart in one interval
+INTERVALS_PER_STATE = 12  # kept; the latest are dropped
+MOST_WINDOWS = 256  # forbidden, told apart in one interval
 LIMIT_SLACK_SHARE = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
+
+WAY_FROM, WAY_TO, SHUT_FROM, SHUT_UNTIL = range(4)  # columns of the blocks of an interval
 
 
 class Lattice(NamedTuple):
@@ -91,7 +93,7 @@ def _drags(rows: Rows, p: int, q: int, x: float, u: float) -> bool:
 
 @njit
 def _blocks(windows: Windows, i: int, loose: float, out: Floats) -> int:
-    """Collect the windows of interval i: from and to which way into it, from and to when, (B, 4).
+    """Collect the windows of interval i, (B, 4): from and to which way into it, from and until when it is shut.
 
     Windows of neighbouring slots that differ by no more than ``loose`` become one that covers both.
     """
@@ -103,18 +105,19 @@ def _blocks(windows: Windows, i: int, loose: float, out: Floats) -> int:
             start, stop = windows.start[w], windows.stop[w]
             e = count - 1
             while e >= 0 and not (
-                out[e, 1] == begin
-                and (out[e, 2] == start or abs(out[e, 2] - start) <= loose)
-                and (out[e, 3] == stop or abs(out[e, 3] - stop) <= loose)
+                out[e, WAY_TO] == begin
+                and (out[e, SHUT_FROM] == start or abs(out[e, SHUT_FROM] - start) <= loose)
+                and (out[e, SHUT_UNTIL] == stop or abs(out[e, SHUT_UNTIL] - stop) <= loose)
             ):
                 e -= 1
             if e < 0 and count < out.shape[0]:
-                out[count, 0], out[count, 1], out[count, 2], out[count, 3] = begin, end, start, stop
+                out[count, WAY_FROM], out[count, WAY_TO] = begin, end
+                out[count, SHUT_FROM], out[count, SHUT_UNTIL] = start, stop
                 count += 1
             else:  # too many to tell apart: the last covers the rest
                 e = max(e, 0) if e >= 0 else count - 1
-                out[e, 1] = end
-                out[e, 2], out[e, 3] = min(out[e, 2], start), max(out[e, 3], stop)
+                out[e, WAY_TO] = end
+                out[e, SHUT_FROM], out[e, SHUT_UNTIL] = min(out[e, SHUT_FROM], start), max(out[e, SHUT_UNTIL], stop)
     return count
 
 
@@ -126,14 +129,14 @@ def _shut_departures(
     shut = 0
     mu = np.sqrt(x)
     for e in range(count):
-        if blocks[e, 3] <= after or blocks[e, 2] >= before + time:
+        if blocks[e, SHUT_UNTIL] <= after or blocks[e, SHUT_FROM] >= before + time:
             continue
         entered, left = 0.0, time
-        if blocks[e, 0] > 0.0:
-            entered = 2.0 * blocks[e, 0] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 0] * u, 0.0)))
-        if blocks[e, 1] < way:
-            left = 2.0 * blocks[e, 1] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 1] * u, 0.0)))
-        out[shut, 0], out[shut, 1] = blocks[e, 2] - left, blocks[e, 3] - entered
+        if blocks[e, WAY_FROM] > 0.0:
+            entered = 2.0 * blocks[e, WAY_FROM] / (mu + np.sqrt(max(x + 2.0 * blocks[e, WAY_FROM] * u, 0.0)))
+        if blocks[e, WAY_TO] < way:
+            left = 2.0 * blocks[e, WAY_TO] / (mu + np.sqrt(max(x + 2.0 * blocks[e, WAY_TO] * u, 0.0)))
+        out[shut, 0], out[shut, 1] = blocks[e, SHUT_FROM] - left, blocks[e, SHUT_UNTIL] - entered
         shut += 1
     return shut
 

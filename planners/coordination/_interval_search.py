@@ -30,10 +30,10 @@ from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
-MOST_INTERVALS = 1200  # intervals between stations at most
-LEAST_SLOTS = 1024  # equal pieces of the path, at least, with windows of their own
+MOST_INTERVALS = 1200  # between stations
+LEAST_SLOTS = 1024  # equal pieces of the path with windows of their own
 SAME_WINDOW_SHARE = 0.1  # of the mean time between stations: windows that differ by less are one
-LEAST_GAIN_SHARE = 2e-4  # share of the arrival time that is worth another search
+LEAST_GAIN_SHARE = 2e-4  # of the arrival time: what is worth another search
 
 
 class Stage(NamedTuple):

@@ -36,9 +36,7 @@ from armtempo.planners.charts import FREE, CoordinationChart, limit_at
 from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
-SAME_INSTANT_SHARE = (
-    1e-9  # share of the makespan: passes nearer in time than this are in time (rounding of a tight plan)
-)
+SAME_INSTANT_SHARE = 1e-9  # of the makespan: passes nearer in time than this are in time (rounding of a tight plan)
 
 
 @njit

@@ -18,7 +18,7 @@ from armtempo.robots import njit
 
 CELLS_TRIED_FIRST = 512  # cells along each side, tried first
 UNREACHED = np.int16(32000)
-LEAST_INTERVALS = 100  # intervals of a move, at least
+LEAST_INTERVALS = 100  # of a move
 
 
 @njit

@@ -26,7 +26,7 @@ from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 
 Charts = Callable[[int, int], CoordinationChart]
 Motions = tuple[PhaseTrajectory, ...]
-NATURAL_DELAY_SHARE = 0.03  # share of the bound by which a start delay may miss it and still be the natural plan
+NATURAL_DELAY_SHARE = 0.03  # of the bound, by which a start delay may miss it and still be the natural plan
 
 
 @final
