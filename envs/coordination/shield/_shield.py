@@ -59,17 +59,16 @@ def shield_tables(
     if not (np.isfinite(tube_m) and tube_m >= 0.0):
         raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
     orders = cell.passing_orders(2.0 * tube_m)
-    parts, region, length = [np.zeros(1)], [], 1  # never empty
-    for a, b, own in orders.regions:
-        rows = []
-        for waiting, leading, first_cell, limit in ((b, a, own.begin_a, own.limit_b), (a, b, own.begin_b, own.limit_a)):
-            row = np.empty(REGION_COLUMNS, dtype=np.int64)
+    region = np.zeros((len(orders.regions), 2, REGION_COLUMNS), dtype=np.int64)
+    parts, length = [np.zeros(1)], 1  # never empty
+    for r, (a, b, own) in enumerate(orders.regions):
+        a_first, b_first = (b, a, own.begin_a, own.limit_b), (a, b, own.begin_b, own.limit_a)
+        for order, (waiting, leading, first_cell, limit) in enumerate((a_first, b_first)):
+            row = region[r, order]
             row[WAITING_ARM], row[LEADING_ARM] = waiting, leading
             row[FIRST_CELL], row[CELL_COUNT], row[LIMIT_OFFSET] = first_cell, len(limit), length
-            rows.append(row)
             parts.append(limit)
             length += len(limit)
-        region.append(rows)
     arms = len(cell.arms)
     stations = max(len(plane.rows.station) for plane in cell.planes)
     braked, before = np.zeros((arms, STOPPING_PLACES, stations)), np.zeros((arms, stations), dtype=np.int64)
@@ -78,7 +77,7 @@ def shield_tables(
         fill_braked(world, i, braked[i, :, :count], before[i, :count])
     return ShieldTables(
         buffer=np.concatenate(parts),
-        region=np.array(region, dtype=np.int64).reshape(-1, 2, REGION_COLUMNS),
+        region=region,
         cells=orders.resolutions.copy(),
         candidates=_candidates(cell, orders, tuple(scripted), plan),
         holdable=np.array(cell.holdable),
