@@ -23,7 +23,7 @@ from armtempo.planners.coordination._start_delays import delayed, offset, start_
 from armtempo.planners.coordination._stop_and_go import stop_and_go
 from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
-from armtempo.planners.topp import EXCESS, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhaseTrajectory
 
 CLOSE_ENOUGH_SHARE = 0.002  # of what is attainable: a plan within it is not improved any more
 LEAST_GAIN_SHARE = 1e-4  # of the makespan: what a round of best responses must gain
@@ -243,7 +243,7 @@ def _take_stop_and_go(best: _Best) -> None:
     if slow is None:
         return
     # its parts are solved on grids of their own
-    if max(motion.certificate.excess for motion in slow) <= EXCESS:
+    if max(motion.certificate.excess for motion in slow) <= LIMIT_EXCESS_MAX:
         best.take(slow)
     best.take(improved(problem, improved(problem, slow, COARSE_STAGES), ALL_STAGES))
 

@@ -26,7 +26,7 @@ from armtempo.planners.coordination._interval_kernels import (
     trace,
 )
 from armtempo.planners.coordination._time_windows import Occupancy, Runs, forbidden_windows
-from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
@@ -139,7 +139,7 @@ class IntervalSearch:
         for _ in range(4):
             motion = self._search(first, start, stop, horizon, stages, self._reserved(reserve))
             excess = motion.certificate.excess
-            if excess <= EXCESS:
+            if excess <= LIMIT_EXCESS_MAX:
                 return motion
             reserve = 1.0 - (1.0 - reserve) * (1.0 - 1.5 * excess)
         raise InfeasibleError(
