@@ -193,11 +193,11 @@ def bench_arms(
     from armtempo.commands.figures._style import write_png
     from armtempo.errors import InfeasibleError, InputError, UnknownNameError
     from armtempo.planners import generate_cell
-    from armtempo.planners.instances import PLANNED, Instance
+    from armtempo.planners.instances import PLANNED_METHODS, Instance
 
     for method in methods:
-        if method not in PLANNED:
-            raise UnknownNameError("method", method, PLANNED)
+        if method not in PLANNED_METHODS:
+            raise UnknownNameError("method", method, PLANNED_METHODS)
     if not 2 <= most <= 8 or count < 1:
         raise InputError(f"--most must be 2 to 8 and --count positive, got {most} and {count}")
     output = Output(json_file)

@@ -17,8 +17,8 @@ from armtempo.planners.topp import Mode, PhasePlane
 from armtempo.planners.topp.kernels import STATION, advance
 from armtempo.robots import njit
 
-MARGIN = 1e-7  # of lambda: how far behind a limit an arm is kept
-BISECTIONS = 20
+LIMIT_MARGIN = 1e-7  # of lambda: how far behind a limit an arm is kept
+COMMAND_BISECTIONS = 20
 
 
 @njit
@@ -113,13 +113,22 @@ def largest_behind(
     if stays_behind(steps, lam, mu, command, -1.0, by_speed, dt, checks, limit):
         return command
     low, high = 0.0, command
-    for _ in range(BISECTIONS):
+    for _ in range(COMMAND_BISECTIONS):
         middle = 0.5 * (low + high)
         if stays_behind(steps, lam, mu, middle, -1.0, by_speed, dt, checks, limit):
             low = middle
         else:
             high = middle
     return low
+
+
+def places_at_checks(
+    plane: PhasePlane, lam: float, mu: float, commands: Floats, by_speed: bool, period: float, checks: int, count: int
+) -> Floats:
+    """(count,) where an arm is at the beginning of every check under commands (K,); the last one lasts."""
+    out = np.empty(count)
+    places(plane.edges.steps, lam, mu, commands, by_speed, period, checks, out)
+    return out
 
 
 def horizon(planes: Sequence[PhasePlane], period: float, checks: int) -> int:
@@ -150,10 +159,8 @@ class BrakingGuard:
 
     def braking(self, i: int, lam: float, mu: float) -> Floats:
         """(K,) where arm i is at the beginning of every check from now on if it brakes as hard as it can."""
-        out = np.empty(self._checks_ahead)
         plane = self.planes[i]
-        places(plane.edges.steps, lam, mu, np.zeros(1), True, self.period, self.checks, out)
-        return out
+        return places_at_checks(plane, lam, mu, np.zeros(1), True, self.period, self.checks, self._checks_ahead)
 
     def guarded(self, i: int, command: float, lam: float, mu: float, braking: Callable[[int], Floats]) -> float:
         """The command in [0, 1] of arm i, cut back until it could still brake behind all its limits.
@@ -171,6 +178,6 @@ class BrakingGuard:
         plane = self.planes[i]
         return float(
             largest_behind(
-                plane.edges.steps, lam, mu, command, self._by_speed, self.period, self.checks, limit - MARGIN
+                plane.edges.steps, lam, mu, command, self._by_speed, self.period, self.checks, limit - LIMIT_MARGIN
             )
         )

@@ -16,8 +16,8 @@ from armtempo.planners.charts import FREE, CoordinationChart
 from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 from armtempo.robots import njit
 
-COARSEST = 512  # cells along each side, tried first
-NEVER = np.int16(32000)
+CELLS_TRIED_FIRST = 512  # cells along each side, tried first
+UNREACHED = np.int16(32000)
 INTERVALS_OF_A_MOVE = 100  # at least
 
 
@@ -26,7 +26,7 @@ def _turns(shut: Bools, turns: NDArray[np.int16]) -> None:
     """Fewest turns to every cell, arriving along a (``[..., 0]``) or along b (``[..., 1]``)."""
     for i in range(shut.shape[0]):
         for j in range(shut.shape[1]):
-            turns[i, j, 0] = turns[i, j, 1] = NEVER
+            turns[i, j, 0] = turns[i, j, 1] = UNREACHED
             if shut[i, j]:
                 continue
             if i == 0 and j == 0:
@@ -36,8 +36,8 @@ def _turns(shut: Bools, turns: NDArray[np.int16]) -> None:
                 turns[i, j, 0] = min(turns[i - 1, j, 0], turns[i - 1, j, 1] + 1)
             if j > 0:
                 turns[i, j, 1] = min(turns[i, j - 1, 1], turns[i, j - 1, 0] + 1)
-            turns[i, j, 0] = min(turns[i, j, 0], NEVER)
-            turns[i, j, 1] = min(turns[i, j, 1], NEVER)
+            turns[i, j, 0] = min(turns[i, j, 0], UNREACHED)
+            turns[i, j, 1] = min(turns[i, j, 1], UNREACHED)
 
 
 def _corners(shut: Bools) -> list[tuple[int, int]] | None:
@@ -45,7 +45,7 @@ def _corners(shut: Bools) -> list[tuple[int, int]] | None:
     turns = np.empty((*shut.shape, 2), dtype=np.int16)
     _turns(shut, turns)
     i, j = len(shut) - 1, shut.shape[1] - 1
-    if turns[i, j].min() >= NEVER:
+    if turns[i, j].min() >= UNREACHED:
         return None
     along = int(turns[i, j].argmin())
     corners = [(i, j)]
@@ -63,7 +63,7 @@ def _moves(chart: CoordinationChart) -> list[tuple[float, float]] | None:
     """Places (lambda_a, lambda_b) between which one arm moves at a time; None if no path of free cells exists."""
     shut = chart.states != FREE
     coarse, share = shut, 1
-    while len(coarse) > COARSEST and len(coarse) % 2 == 0:
+    while len(coarse) > CELLS_TRIED_FIRST and len(coarse) % 2 == 0:
         coarse = coarse[0::2] | coarse[1::2]
         coarse = coarse[:, 0::2] | coarse[:, 1::2]
         share *= 2

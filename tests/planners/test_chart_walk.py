@@ -1,4 +1,4 @@
-"""Curves, collision regions and passable cells of charts, against brute force on small grids."""
+"""Curves and passable cells of charts, against brute force on small grids."""
 
 from __future__ import annotations
 
@@ -124,20 +124,3 @@ def test_deadlocks_and_dead_ends_are_not_passable(lee1991: CoordinationCell) -> 
     assert chart.passable[aside].mean() > 0.99
     with pytest.raises(ValueError, match="read-only"):
         chart.passable[0, 0] = False
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.4))
-def test_collision_regions_and_their_boxes(seed: int, share: float) -> None:
-    chart = random_chart(seed, share)
-    labels = chart.labels
-    np.testing.assert_array_equal(labels > 0, chart.states != FREE)
-    assert chart.regions == len(chart.components) == labels.max(initial=0)
-    for number, region in enumerate(chart.components, start=1):
-        cells = np.argwhere(labels == number)
-        low, high = cells.min(axis=0), cells.max(axis=0) + 1
-        assert region.lam_a == pytest.approx((low[0] * chart.step_a, high[0] * chart.step_a))
-        assert region.lam_b == pytest.approx((low[1] * chart.step_b, high[1] * chart.step_b))
-        for i, j in cells:  # neighbours, corners included, are of one region
-            about = labels[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
-            assert set(about[about > 0]) == {number}

@@ -290,7 +290,7 @@ def test_vci_falls_back_on_interval_and_says_so(lee1991: CoordinationCell, monke
     def gives_up(*_: object) -> NoReturn:
         raise refusal
 
-    monkeypatch.setattr("armtempo.planners.schedules._schedule.plan_vci", gives_up)
+    monkeypatch.setattr("armtempo.planners.schedules._methods.plan_vci", gives_up)
     plan = schedule(lee1991, "vci")
     assert plan.fallback == "interval"
     assert plan.vci is None
