@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, final
 
+import numpy as np
 from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
 from armtempo.envs.blend._observation import BLEND_ENTRIES, observe_blend
-from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+from armtempo.envs.blend._options import MAPPINGS, BlendOptions, MappingName
+from armtempo.envs.blend._simulation import BlendSimulation, BlendTrace
 from armtempo.envs.bodies import Physics, render_modes
 from armtempo.envs.common import (
     TIME_LIMIT,
@@ -97,7 +99,11 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
         self.profile: ProfileName = profile
         self.mapping: MappingName = mapping
         self.family: FamilyName = family
-        self.simulation = BlendSimulation(self.cell, physics=physics, record=record, model_error=model_error)
+        options = BlendOptions(
+            physics=physics, profile=profile, mapping=mapping, family=family, model_error=model_error,
+            max_episode_s=max_episode_s,
+        )  # fmt: skip
+        self.simulation = BlendSimulation(self.cell, options, record=record)
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
 
@@ -136,7 +142,7 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
             shape_factor=given.get("shape_factor"),
             curve=given.get("curve"),
         )
-        self.simulation.reset(cell, self.profile, self.mapping)
+        self.simulation.reset(cell)
         self._limit = TIME_LIMIT * self.reference_time if self._max_episode is None else self._max_episode
         self._charged = self._before = 0.0
         self._running = True
@@ -157,7 +163,7 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
         """
         self._check_running()
         simulation = self.simulation
-        simulation.step(read_action(action, self.cell.arm.name))
+        simulation.step(np.array([read_action(action, self.cell.arm.name)]))
         arrived = simulation.arrival == simulation.arrival  # not nan
         until = simulation.arrival if arrived else simulation.time
         reference, length = self.reference_time, simulation.cell.blended.length

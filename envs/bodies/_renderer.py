@@ -184,7 +184,7 @@ class Renderer:
 
     def render(self, q: Floats) -> NDArray[np.uint8] | None:
         """Draw the arms at ``q`` (A, n): an image (480, 640, 3) uint8, or None in a window."""
-        self._scene.place(q)
+        self._scene.reset_joints(q)
         if self.mode == "human":
             return None
         _, _, pixels, _, bodies = pybullet.getCameraImage(

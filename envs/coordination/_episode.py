@@ -12,7 +12,7 @@ from armtempo.arrays import Floats
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_from, progress_reward, time_reward
 from armtempo.envs.coordination.shield import EpisodeShield
-from armtempo.envs.coordination.world import CoordinationSimulation
+from armtempo.envs.coordination.world import CoordinationOptions, CoordinationSimulation
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.topp import Mode
@@ -47,7 +47,8 @@ class Episode:
     ) -> None:
         self.cell = cell
         self.reference_time, self.time_limit = time_limit(cell, max_episode_s)
-        self.simulation = CoordinationSimulation(cell, physics=physics, mode=mode, record=record, **options)
+        asked = CoordinationOptions(physics=physics, mode=mode, max_episode_s=max_episode_s, **options)
+        self.simulation = CoordinationSimulation(cell, asked, record=record)
         self.lengths = [path.length for path in cell.paths]
         self._key: int | None = None
         self._number = -1

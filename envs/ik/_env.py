@@ -20,7 +20,8 @@ from armtempo.envs.common import (
     read_actions,
 )
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
-from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
+from armtempo.envs.ik._options import ACTION_MODES, ActionMode, IKOptions
+from armtempo.envs.ik._simulation import IKSimulation, IKTrace
 from armtempo.errors import InputError
 from armtempo.planners import IKCell
 from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName, as_cell, draw_target
@@ -127,9 +128,11 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         self.cell = ik_cell(cell, action_mode, (family,))
         self.action_mode: ActionMode = action_mode
         self.family: TargetFamilyName = family
-        self.simulation = IKSimulation(
-            self.cell, physics=physics, action_mode=action_mode, record=record, model_error=model_error
-        )
+        options = IKOptions(
+            physics=physics, action_mode=action_mode, family=family, model_error=model_error,
+            max_episode_s=max_episode_s,
+        )  # fmt: skip
+        self.simulation = IKSimulation(self.cell, options, record=record)
         seen, actions = ik_spaces(self.cell, action_mode)
         self.observation_space: Box = seen  # type: ignore[assignment]
         self.action_space: Box = actions  # type: ignore[assignment]
@@ -192,15 +195,15 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
             "position_error_mm": 1e3 * simulation.position_error,
             "orientation_error_rad": simulation.orientation_error,
             "singular_value": singular_value,
-            "damped": singular_value < cell.config.law.damping,
+            "damped": singular_value < cell.damping,
             "capped": bool(simulation.shares[3] > 0.0),
             "reward_terms": terms,
         }
         if terminated or truncated:
             position, orientation = np.sqrt(simulation.squares / simulation.tick).tolist()
             info["position_error_rms_mm"], info["orientation_error_rms_rad"] = 1e3 * position, orientation
-            config = cell.config
-            close = position < config.error_scale_m and orientation < config.error_scale_rad
+            position_scale, orientation_scale = cell.error_scales
+            close = position < position_scale and orientation < orientation_scale
             info["is_success"] = terminated and close
             self._running = False
         if self.render_mode == "human":

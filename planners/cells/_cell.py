@@ -6,7 +6,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig
+from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig, ToolConfig
 from armtempo.robots import Arm, Shape
 
 __all__ = ["Cell", "CellBase", "OneArmCell"]
@@ -29,6 +29,10 @@ class Cell(Protocol):
     @property
     def arms(self) -> tuple[Arm, ...]:
         """The arms in priority order."""
+
+    @property
+    def tools(self) -> tuple[ToolConfig | None, ...]:
+        """What each arm carries."""
 
     @property
     def obstacles(self) -> tuple[Shape, ...]:
@@ -86,6 +90,11 @@ class CellBase(Generic[ConfigT]):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+
+    @property
+    def tools(self) -> tuple[ToolConfig | None, ...]:
+        """What each arm carries."""
+        return tuple(arm.tool for arm in self.config.arms)
 
     @property
     def physics_tick(self) -> float:

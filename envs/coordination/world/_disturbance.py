@@ -121,7 +121,7 @@ def as_noise(value: float) -> float:
     return float(value)
 
 
-def draws_of(
+def make_draws(
     cell: CoordinationCell,
     disturbance: str | Disturbance | None = None,
     start_phase: float | Range = 0.0,
@@ -158,7 +158,7 @@ def draws_of(
     )
 
 
-def stops_of(draws: Draws) -> int:
+def stops_max(draws: Draws) -> int:
     """The most stops that an arm can get."""
     return int(draws.families[:, 5].max()) if draws.arms.any() else 0
 
