@@ -96,18 +96,18 @@ def view_of(simulation: IKSimulation) -> IKView:
 def observe_ik(cell: IKCell, view: IKView) -> Floats32:
     """Observations (E, size), in the order of ``ik_entries``; a new array."""
     arm, (q, *_) = cell.arm, view
-    position_scale, orientation_scale = cell.error_scales
+    position_scale, rotation_scale = cell.error_scales
     limited = np.isfinite(arm.position_min) & np.isfinite(arm.position_max)
     low, high = np.where(limited, arm.position_min, -np.pi), np.where(limited, arm.position_max, np.pi)
     shown = np.where(limited, q, (q + np.pi) % (2.0 * np.pi) - np.pi)
     half = 0.5 * (high - low)
-    units = FAR * np.repeat(cell.error_scales, 3)
+    units = FAR * np.repeat([position_scale, rotation_scale], 3)
     parts = [
         (shown - low) / half - 1.0,
         view.speeds / arm.speed_max,
         _soft((view.reference - q) / LAG),
         _soft(view.error[:, :3] / position_scale),
-        _soft(view.error[:, 3:] / orientation_scale),
+        _soft(view.error[:, 3:] / rotation_scale),
         _soft(view.velocity / cell.solver.length),
         _soft(view.turning),
         _soft(view.ahead / units).reshape(len(q), -1),

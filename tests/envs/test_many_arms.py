@@ -156,9 +156,10 @@ import numpy as np
 from armtempo.configs import CellConfig
 from functools import partial
 from armtempo.agents import ExecutionPolicy
-from armtempo.planners import ScheduleExecution, VciExecution
+from armtempo.planners.schedules import ScheduleExecution, VciExecution
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import Schedule, build_cell, load_cell, plan_vci
+from armtempo.planners import Schedule, build_cell, load_cell
+from armtempo.planners.coordination import plan_vci
 
 sys.path.insert(0, sys.argv[1])
 from conftest import ring_of_arms
