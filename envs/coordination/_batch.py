@@ -29,13 +29,13 @@ from armtempo.envs.coordination.world import (
     as_noise,
     describe,
     draw_all,
-    draws_of,
-    episodes_of,
     ideal_world,
+    make_draws,
+    make_episodes,
     observe,
     run_periods,
     scratch_for,
-    stops_of,
+    stops_max,
     uncertain_arms,
 )
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
@@ -108,13 +108,13 @@ class BatchSimulation:
                 raise InputError(f"{name} must be a whole number above 0, got {count!r}")
         self.cell, self.mode = as_cell(cell, CoordinationCell), mode
         self.reference_time, self.time_limit = time_limit(self.cell, max_episode_s)
-        self._draws = draws_of(self.cell, disturbance, start_phase, master_late_s)
-        self._no_draws = draws_of(self.cell)
+        self._draws = make_draws(self.cell, disturbance, start_phase, master_late_s)
+        self._no_draws = make_draws(self.cell)
         self._noise, self._team = as_noise(observation_noise), reward == "team"
         self._world: World = ideal_world(self.cell, mode)
         self._d_min, self._tick = self.cell.d_min, self.cell.physics_tick
         E, A = int(episodes), len(self.cell.arms)
-        self._episodes = episodes_of(E, A, stops_of(self._draws))
+        self._episodes = make_episodes(E, A, stops_max(self._draws))
         self.lam, self.mu, self.arrival = self._episodes.lam, self._episodes.mu, self._episodes.arrival
         self.ticks, self.violated = self._episodes.ticks, self._episodes.violated
         self.observations = np.zeros((E, A, SIZE), dtype=np.float32)

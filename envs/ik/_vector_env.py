@@ -22,8 +22,8 @@ from armtempo.envs.bodies import Physics
 from armtempo.envs.common import autoreset_of, check_ideal, check_names, check_time_limit, count_of, read_many, spread
 from armtempo.envs.ik._env import REWARD_WEIGHTS, ik_cell, ik_spaces
 from armtempo.envs.ik._observation import AHEAD, IKView, observe_ik
-from armtempo.envs.ik._periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
-from armtempo.envs.ik._simulation import ActionMode
+from armtempo.envs.ik._options import ActionMode
+from armtempo.envs.ik._periods import IKEpisodes, look_ahead, make_drive, run_ik_periods
 from armtempo.errors import ActionError, InputError
 from armtempo.planners import IKCell
 from armtempo.planners.cells import TargetFamilyName, draw_target
@@ -125,7 +125,7 @@ class FeedbackIKVectorEnv(VectorEnv[Floats32, Floats32, NDArray[Any]]):
         self._limit = math.ceil(min(max(longest, 1.0), FOREVER))
         self._hold = count_of(hold_periods, "hold_periods")
         E, n = self.num_envs, self.cell.arm.dof
-        self._drive = drive_of(self.cell, by_gains=action_mode == "gains")
+        self._drive = make_drive(self.cell, by_gains=action_mode == "gains")
         self._store = self._stored(targets, target_seed)
         self._episodes = IKEpisodes(
             np.zeros(E, dtype=np.int64), np.zeros(E, dtype=np.int64), np.zeros((E, 3, n)), np.zeros((E, n)), np.ones(E),
