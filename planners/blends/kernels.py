@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from armtempo.planners.blends._kernels_all import PackedPath, blended_point
+from armtempo.planners.blends._length_mapping import corrected_parameters, mapped_positions
 
 __all__ = [
     "PackedPath",
     "blended_point",
+    "corrected_parameters",
+    "mapped_positions",
 ]
