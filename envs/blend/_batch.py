@@ -176,7 +176,7 @@ class BlendBatch:
             )  # fmt: skip
 
         self._chunks.run(plan)
-        for slot in np.unique(episodes.slot[active]).tolist():
+        for slot in np.flatnonzero(np.bincount(episodes.slot[active])).tolist():
             own = np.flatnonzero(active & (episodes.slot == slot))
             self._joints[own] = self._cells[slot].path.inverse(self._points[own], self._motion[own, :, LENGTH])
         self._chunks.run(follow)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Space
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -93,7 +93,13 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
     """Names of what ``reset`` may be given for one episode, beside ``reset_mask``."""
 
     def __init__(
-        self, batch: BatchT, num_envs: int, *, seen: Box, actions: Box, autoreset_mode: AutoresetMode | str
+        self,
+        batch: BatchT,
+        num_envs: int,
+        *,
+        seen: Space[Any],
+        actions: Space[Any],
+        autoreset_mode: AutoresetMode | str,
     ) -> None:
         self.batch, self.num_envs = batch, num_envs
         self.autoreset_mode = autoreset_of(autoreset_mode)
@@ -203,7 +209,7 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
         self.batch.close()
 
     @property
-    def row_spaces(self) -> tuple[Box, Box]:
+    def row_spaces(self) -> tuple[Space[Any], Space[Any]]:
         """Of what a row sees, and of its actions."""
         return self.single_observation_space, self.single_action_space
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Unpack, final
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Space
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class YieldingBatch:
     def reset(self, mask: Bools, seeds: Seeds | None, options: Mapping[str, Any]) -> dict[str, Any]:
         """Begin new episodes of these (E,); how late their first arms are."""
         _begin(self.simulation, mask, seeds, _late(options))
-        for e in np.flatnonzero(mask) if self._others else ():
+        for e in np.flatnonzero(mask).tolist() if self._others else ():
             self._others[e].reset()
         late = np.where(mask, self.simulation.drawn["late_s"][:, 0], 0.0)
         return with_masks({"master_late_s": late}, mask)
@@ -413,7 +413,7 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         return self.batch.gathered("shield_cut")
 
     @property
-    def row_spaces(self) -> tuple[Box, Box]:
+    def row_spaces(self) -> tuple[Space[Any], Space[Any]]:
         """Of what one arm sees, and of its actions."""
         return self.arm_observation_space, self.arm_action_space
 

@@ -73,6 +73,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(chung: IKCell) -> None:
     env.reset()
     steps(env, 6)
     state = env.get_state()
+    assert state is not None
     after = steps(env, 12, 6)
     other.reset()
     other.set_state(state)

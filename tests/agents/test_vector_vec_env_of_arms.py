@@ -77,6 +77,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(lee1991: CoordinationCell) ->
     env.reset()
     steps(env, 40)
     state = env.get_state()
+    assert state is not None
     after = steps(env, 90, 6)
     other.seed(9)
     other.reset()

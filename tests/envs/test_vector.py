@@ -342,8 +342,9 @@ def test_a_seed_of_none_goes_on_with_what_is_drawn(lee1991: CoordinationCell) ->
 
 
 def test_options_are_checked_by_their_record(lee1991: CoordinationCell) -> None:
-    for kind in (YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation):
-        make: Any = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
+    kinds: tuple[Any, ...] = (YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation)
+    for kind in kinds:
+        make = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
         with pytest.raises(UnknownNameError, match="sheild"):
             kind(**make, sheild=True)
         with pytest.raises(InputError, match="max_episode_s"):
