@@ -13,6 +13,10 @@ import yaml
 from gymnasium.vector import AutoresetMode
 
 from armtempo.envs import BlendTrackingEnv, BlendTrackingVectorEnv
+from armtempo.envs.blend import BlendKeywords
+from armtempo.envs.blend._vector_env import BlendVectorKeywords
+from armtempo.envs.ik import IKKeywords
+from armtempo.envs.ik._vector_env import IKVectorKeywords
 from armtempo.errors import ActionError, InputError, UnknownNameError
 from armtempo.planners import BlendCell, CoordinationCell, build_cell, load_cell
 from armtempo.planners.cells import PATH_FAMILIES, PROFILES, FamilyName, ProfileName
@@ -156,6 +160,11 @@ def test_reset_of_some(lee2006: BlendCell) -> None:
     np.testing.assert_array_equal(after[1], before[1])
     np.testing.assert_array_equal(after[[0, 2]], first[[0, 2]])
     np.testing.assert_array_equal(infos["_duration_s"], [True, False, True])
+
+
+def test_keywords_are_those_of_a_single_environment() -> None:
+    for own, single in ((BlendVectorKeywords, BlendKeywords), (IKVectorKeywords, IKKeywords)):
+        assert set(own.__annotations__) == set(single.__annotations__)
 
 
 def test_input_errors(lee2006: BlendCell, lee1991: CoordinationCell) -> None:
