@@ -68,7 +68,7 @@ from armtempo.agents.training import TRAINING, Objective, SweepTrial, load_train
 
 if TYPE_CHECKING:
     from armtempo.agents.training._train import Training, train
-    from armtempo.agents.training.vec_envs import BatchVecEnv, ParallelVecEnv, VectorVecEnv
+    from armtempo.agents.training.vec_envs import ParallelVecEnv, VectorVecEnv
 
 __all__ = [
     "SPLIT_POLICIES",
@@ -114,7 +114,6 @@ __all__ = [
     "ik_policy",
     "RandomActions",
     "SingleArmPolicy",
-    "BatchVecEnv",
     "ParallelVecEnv",
     "VectorVecEnv",
     "Training",

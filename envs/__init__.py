@@ -10,10 +10,11 @@ from armtempo.envs.blend import (
     BlendSimulation,
     BlendTrace,
     BlendTrackingEnv,
+    BlendTrackingVectorEnv,
     MappingName,
 )
 from armtempo.envs.bodies import PHYSICS, Physics, Renderer
-from armtempo.envs.common import Entry, observation_table, share
+from armtempo.envs.common import Entry, VectorBase, observation_table, share
 from armtempo.envs.coordination import (
     REWARDS,
     BatchSimulation,
@@ -68,6 +69,7 @@ __all__ = [
     "BlendSimulation",
     "BlendTrace",
     "BlendTrackingEnv",
+    "BlendTrackingVectorEnv",
     "CoordinationEnv",
     "CoordinationVectorEnv",
     "Disturbance",
@@ -77,6 +79,7 @@ __all__ = [
     "MappingName",
     "Physics",
     "Renderer",
+    "VectorBase",
     "Shield",
     "ShieldParallelWrapper",
     "ShieldTrial",

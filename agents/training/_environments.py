@@ -23,6 +23,7 @@ from armtempo.envs import (
     BLEND_ENTRIES,
     COORDINATION_ENTRIES,
     BlendTrackingEnv,
+    BlendTrackingVectorEnv,
     CoordinationEnv,
     CoordinationVectorEnv,
     Disturbance,
@@ -161,7 +162,7 @@ def training_env(place: Workplace) -> Any:
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from armtempo.agents.training.vec_envs import BatchVecEnv, ParallelVecEnv, VectorVecEnv
+    from armtempo.agents.training.vec_envs import ParallelVecEnv, VectorVecEnv
 
     options: dict[str, Any]
     config, chosen, cells = place.config, place.config.environment, place.cells
@@ -171,7 +172,8 @@ def training_env(place: Workplace) -> Any:
         learners = (arms - 1,) if chosen.learners == "last" else tuple(range(arms))
         options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
         del options["physics"]
-        return BatchVecEnv(CoordinationVectorEnv(several, config.num_envs, **options), chosen.cut_penalty)
+        batch = CoordinationVectorEnv(several, config.num_envs, **options)
+        return VectorVecEnv(batch, cut_penalty=chosen.cut_penalty)
     if isinstance(chosen, IKTraining) and chosen.physics == "ideal":
         assert isinstance(cells[0], IKCell)
         vector = FeedbackIKVectorEnv(
@@ -179,6 +181,14 @@ def training_env(place: Workplace) -> Any:
             target_seed=config.seed, hold_periods=chosen.hold_periods, autoreset_mode=AutoresetMode.SAME_STEP,
         )  # fmt: skip
         return VectorVecEnv(vector, chosen.reward_scale)
+    if isinstance(chosen, BlendTraining) and chosen.physics == "ideal":
+        assert isinstance(cells[0], BlendCell)
+        return VectorVecEnv(
+            BlendTrackingVectorEnv(
+                config.num_envs, cells[0], profile=chosen.profile, mapping=chosen.mapping, family=chosen.family,
+                autoreset_mode=AutoresetMode.SAME_STEP,
+            )
+        )  # fmt: skip
     options = place.settings | place.disturbed
     turn, variants = itertools.cycle(cells), itertools.cycle(place.variants)
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":

@@ -7,7 +7,6 @@ from importlib import import_module
 from armtempo.errors import InputError
 
 TRAINING = {  # public names that need the extra, and the modules that bring them
-    "BatchVecEnv": "armtempo.agents.training.vec_envs._batch",
     "ParallelVecEnv": "armtempo.agents.training.vec_envs._parallel",
     "VectorVecEnv": "armtempo.agents.training.vec_envs._vector",
     "Training": "armtempo.agents.training._train",

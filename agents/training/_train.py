@@ -22,7 +22,7 @@ from armtempo.agents.training._environments import Workplace, training_env, work
 from armtempo.agents.training._evaluation import COLUMNS, TrainEvaluation
 from armtempo.agents.training._export import agent_of
 from armtempo.agents.training._model import training_model
-from armtempo.agents.training.vec_envs import BatchVecEnv
+from armtempo.agents.training.vec_envs import VectorVecEnv
 from armtempo.configs import CoordinationTraining, TrainConfig, bundled_trainings, load_train_config
 from armtempo.errors import InputError
 from armtempo.files import whole_file
@@ -109,10 +109,10 @@ def train(
 
 def _leave_undisturbed(env: Any, config: TrainConfig, steps: int) -> None:
     """Which episodes that begin from now on are undisturbed."""
-    if isinstance(env, BatchVecEnv) and config.coordination is not None:
+    if isinstance(env, VectorVecEnv) and config.coordination is not None:
         chosen = config.coordination
         all_of_them = steps < chosen.undisturbed_until * config.total_steps
-        env.batch.leave_undisturbed(1.0 if all_of_them else chosen.undisturbed_share)
+        env.env_method("leave_undisturbed", 1.0 if all_of_them else chosen.undisturbed_share)
 
 
 def _said(config: TrainConfig) -> str:

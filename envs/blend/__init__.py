@@ -6,6 +6,7 @@ from armtempo.envs.blend._env import BlendTrackingEnv
 from armtempo.envs.blend._observation import BLEND_ENTRIES
 from armtempo.envs.blend._options import MAPPINGS, BlendKeywords, BlendOptions, MappingName
 from armtempo.envs.blend._simulation import BlendSimulation, BlendTrace
+from armtempo.envs.blend._vector_env import BlendTrackingVectorEnv
 
 __all__ = [
     "BlendKeywords",
@@ -14,6 +15,7 @@ __all__ = [
     "BlendSimulation",
     "BlendTrace",
     "BlendTrackingEnv",
+    "BlendTrackingVectorEnv",
     "MAPPINGS",
     "MappingName",
 ]

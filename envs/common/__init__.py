@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, read_actions
+from armtempo.envs.common._drawn_cells import DrawnCells, Slots, families_of
 from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
 from armtempo.envs.common._lifecycle import Lifecycle
 from armtempo.envs.common._options import check_bodies, check_names, check_time_limit, is_number, options_of
@@ -28,9 +29,37 @@ from armtempo.envs.common._rewards import (
     time_reward,
 )
 from armtempo.envs.common._single_agent import SingleAgentEnv
-from armtempo.envs.common._vector_env import autoreset_of, check_ideal, count_of, read_commands, read_many, spread
+from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ideal_options, spread
+from armtempo.envs.common._vector_parts import (
+    Chunks,
+    Generators,
+    Seeds,
+    check_same,
+    check_state,
+    copied,
+    count_of,
+    put_state,
+    sums_of,
+    with_masks,
+)
 
 __all__ = [
+    "Batch",
+    "Chunks",
+    "DrawnCells",
+    "Generators",
+    "Seeds",
+    "Slots",
+    "VectorBase",
+    "as_commands",
+    "check_same",
+    "check_state",
+    "copied",
+    "families_of",
+    "ideal_options",
+    "put_state",
+    "sums_of",
+    "with_masks",
     "BEGIN",
     "Entry",
     "FAMILY",
@@ -45,8 +74,6 @@ __all__ = [
     "SingleAgentEnv",
     "TIME_LIMIT",
     "action_space",
-    "autoreset_of",
-    "check_ideal",
     "check_late",
     "check_names",
     "check_bodies",
@@ -64,8 +91,6 @@ __all__ = [
     "progress_reward",
     "read_action",
     "read_actions",
-    "read_commands",
-    "read_many",
     "share",
     "spread",
     "time_reward",

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Unpack, final
 
 import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.envs.common import key_from, spread
+from armtempo.envs.common import (
+    Chunks,
+    check_names,
+    copied,
+    count_of,
+    ideal_options,
+    key_from,
+    put_state,
+    spread,
+)
 from armtempo.envs.coordination._episode import time_limit
 from armtempo.envs.coordination.shield import admit_all, draw_shielded, shield_tables, shield_work
 from armtempo.envs.coordination.world import (
-    MODES,
     OTHER,
     OTHERS,
     OWN,
     SIZE,
-    Disturbance,
+    CoordinationKeywords,
+    CoordinationOptions,
     Draws,
-    Range,
     World,
     as_noise,
     describe,
@@ -38,10 +44,9 @@ from armtempo.envs.coordination.world import (
     stops_max,
     uncertain_arms,
 )
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, Precedence
 from armtempo.planners.cells import as_cell
-from armtempo.planners.topp import Mode
 
 REWARDS = ("own", "team")
 
@@ -53,20 +58,14 @@ class BatchSimulation:
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         episodes: How many, E.
-        mode: What a command in [0, 1] means.
         reward: ``own``: every arm its own, as ``CoordinationEnv`` has it. ``team``: the mean progress of all minus the
             time until the last has arrived, in units of the sequential time, minus (2 + mean share not covered) on a
             collision; the same for every arm. Without a collision it sums up to the path covered minus
             makespan / sequential time.
-        disturbance: As in ``CoordinationEnv``, drawn for every episode; so are the next three.
-        observation_noise: Standard deviation of normal noise on the entries.
-        start_phase: Share of the path where each arm starts, or a range.
-        master_late_s: How long the first arm stands [s], or a range.
-        max_episode_s: Time limit [s] instead of five sequential times.
-        shield: Let through only commands that can neither collide nor end in a deadlock (see ``Shield``).
         scripted: Arms whose commands the shield does not change.
         plan: The precedence that those obey; None: they pass first everywhere.
         threads: How many share the episodes.
+        **options: As ``CoordinationOptions`` has them; ``physics`` is ``ideal``.
 
     Attributes:
         lam, mu, arrival: (E, A) places, path speeds, instants of arrival (nan before).
@@ -87,33 +86,22 @@ class BatchSimulation:
         cell: CoordinationCell | str | Path,
         episodes: int,
         *,
-        mode: Mode = "speed",
         reward: str = "own",
-        disturbance: str | Disturbance | None = None,
-        observation_noise: float = 0.0,
-        start_phase: float | Range = 0.0,
-        master_late_s: float | Range = 0.0,
-        max_episode_s: float | None = None,
-        shield: bool = False,
         scripted: Sequence[int] = (),
         plan: Precedence | None = None,
         threads: int = 1,
+        **options: Unpack[CoordinationKeywords],
     ) -> None:
-        if mode not in MODES:
-            raise UnknownNameError("mode", str(mode), MODES)
-        if reward not in REWARDS:
-            raise UnknownNameError("reward", str(reward), REWARDS)
-        for name, count in (("episodes", episodes), ("threads", threads)):
-            if not (isinstance(count, int | np.integer) and count > 0):
-                raise InputError(f"{name} must be a whole number above 0, got {count!r}")
-        self.cell, self.mode = as_cell(cell, CoordinationCell), mode
-        self.reference_time, self.time_limit = time_limit(self.cell, max_episode_s)
-        self._draws = make_draws(self.cell, disturbance, start_phase, master_late_s)
+        chosen = ideal_options(CoordinationOptions, options)
+        check_names(("reward", reward, REWARDS))
+        self.cell, self.mode = as_cell(cell, CoordinationCell), chosen.mode
+        self.reference_time, self.time_limit = time_limit(self.cell, chosen.max_episode_s)
+        E, A = count_of(episodes, "episodes"), len(self.cell.arms)
+        self._draws = make_draws(self.cell, chosen.disturbance, chosen.start_phase, chosen.master_late_s)
         self._no_draws = make_draws(self.cell)
-        self._noise, self._team = as_noise(observation_noise), reward == "team"
-        self._world: World = ideal_world(self.cell, mode)
+        self._noise, self._team = as_noise(chosen.observation_noise), reward == "team"
+        self._world: World = ideal_world(self.cell, self.mode)
         self._d_min, self._tick = self.cell.d_min, self.cell.physics_tick
-        E, A = int(episodes), len(self.cell.arms)
         self._episodes = make_episodes(E, A, stops_max(self._draws))
         self.lam, self.mu, self.arrival = self._episodes.lam, self._episodes.mu, self._episodes.arrival
         self.ticks, self.violated = self._episodes.ticks, self._episodes.violated
@@ -123,18 +111,17 @@ class BatchSimulation:
         self._lengths = np.array([path.length for path in self.cell.paths])
         self._all = np.ones(E, dtype=np.bool_)
         self.undisturbed = np.zeros(E, dtype=np.bool_)
-        bounds = np.linspace(0, E, min(int(threads), E) + 1).astype(int)
-        self._chunks = [
-            (int(first), int(last), scratch_for(int(last - first), A, self.cell.ticks_per_period))
-            for first, last in pairwise(bounds)
-        ]
-        self._pool = ThreadPoolExecutor(len(self._chunks) - 1) if len(self._chunks) > 1 else None
-        self._shield = shield
+        self._chunks = Chunks(E, threads)
+        sizes = [last - first for first, last in self._chunks.bounds]
+        self._scratch = [scratch_for(size, A, self.cell.ticks_per_period) for size in sizes]
+        self._shield = chosen.shield
         self._tables = self._works = None
-        if shield:
-            self._tables = shield_tables(self.cell, self._world, scripted=scripted, plan=plan)
+        if self._shield:
+            self._tables = shield_tables(
+                self.cell, self._world, scripted=scripted, plan=plan, tube_m=chosen.shield_tube_m
+            )
             regions = len(self._tables.region)
-            self._works = [shield_work(self.cell, regions) for _ in self._chunks]
+            self._works = [shield_work(self.cell, regions) for _ in sizes]
         self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
         self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
         self._uncertain, self._admitted = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A))
@@ -202,7 +189,7 @@ class BatchSimulation:
         self.terminated[active], self.truncated[active], self.rewards[active] = False, False, 0.0
         observe(
             self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
-            self._chunks[0][2], self.observations,
+            self._scratch[0], self.observations,
         )  # fmt: skip
 
     def _draw(self, draws: Draws, active: Bools, late: float) -> None:
@@ -231,24 +218,21 @@ class BatchSimulation:
             raise InputError(f"commands have shape {commands.shape}", remedy=f"give {self.lam.shape}")
         active = self._all if active is None else active
 
-        def run(k: int) -> None:
-            chunk, asked = self._chunks[k], commands
+        def part(k: int, first: int, last: int) -> None:
+            asked = commands
             if self._tables is not None and self._works is not None:
                 admit_all(
-                    self._world, self._tables, self._episodes, chunk[0], chunk[1], active, self._orders, self._scripted,
+                    self._world, self._tables, self._episodes, first, last, active, self._orders, self._scripted,
                     self._uncertain, self.cell.ticks_per_period, commands, self._admitted, self._works[k],
                 )  # fmt: skip
                 asked = self._admitted
             run_periods(
-                self._world, self._episodes, chunk[0], chunk[1], active, asked, self._d_min, self.reference_time,
-                self.time_limit, self._team, self._noise, OTHERS, len(OWN), len(OTHER), chunk[2], self.observations,
-                self.rewards, self.terminated, self.truncated,
+                self._world, self._episodes, first, last, active, asked, self._d_min, self.reference_time,
+                self.time_limit, self._team, self._noise, OTHERS, len(OWN), len(OTHER), self._scratch[k],
+                self.observations, self.rewards, self.terminated, self.truncated,
             )  # fmt: skip
 
-        others = [] if self._pool is None else [self._pool.submit(run, k) for k in range(1, len(self._chunks))]
-        run(0)
-        for other in others:
-            other.result()
+        self._chunks.run(part)
         if self._shield:
             self.shield_cut[:] = np.where(active[:, None], commands - self._admitted, 0.0)
             self.shield_changed += self.shield_cut != 0.0
@@ -266,25 +250,16 @@ class BatchSimulation:
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """All that changes, copied; ``set_state`` goes on from there with the same bits."""
-        return {name: array.copy() for name, array in self._arrays().items()}
+        return copied(self._arrays())
 
-    def set_state(self, state: dict[str, NDArray[Any]]) -> None:
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from ``get_state`` of a simulation made with the same arguments.
 
         Raises:
             InputError: It is of another one.
         """
-        own = self._arrays()
-        for name, array in own.items():
-            if name not in state or state[name].shape != array.shape or state[name].dtype != array.dtype:
-                raise InputError(
-                    f"the state's {name} does not fit a simulation of {self.episodes} episodes of {self.cell.name!r}",
-                    remedy="make it with the same arguments",
-                )
-        for name, array in own.items():
-            array[...] = state[name]
+        put_state(self._arrays(), state, self.cell.name)
 
     def close(self) -> None:
         """End the threads; may be called twice."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._chunks.close()

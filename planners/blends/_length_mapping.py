@@ -106,7 +106,8 @@ def exact_parameters(packed: PackedPath, lengths: Floats, piece: Ints, u: Floats
 
 
 @njit
-def _positions(packed: PackedPath, piece: Ints, u: Floats, out: Floats) -> None:
+def mapped_positions(packed: PackedPath, piece: Ints, u: Floats, out: Floats) -> None:
+    """Positions at parameters ``u`` of pieces, each (T,), into ``out`` (T, 3)."""
     point = np.empty((4, 3))
     for i in range(piece.shape[0]):
         k = piece[i]
@@ -185,7 +186,7 @@ class LengthMapping(ABC):
         """Points (T, 3) [m]."""
         piece, u = self.parameters(lengths)
         out = np.empty((len(u), 3))
-        _positions(self.packed, piece, u, out)
+        mapped_positions(self.packed, piece, u, out)
         return out
 
     def _checked(self, lengths: ArrayLike) -> tuple[Floats, Ints, Floats]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,21 @@ SHARES_TRIED = 6  # of the way to the override wanted: all, a half, a quarter..
 
 
 PathOf = BlendedPath | CartesianPath | Blend | Line | Arc
+
+
+class PackedFeed(NamedTuple):
+    """What the loops know of a profile that is turned down and up."""
+
+    knots: Floats
+    """(K + 1,) [s] of the profile."""
+    coefficients: Floats
+    """(K, 6) of the profile."""
+    marks: Floats
+    """(M,) instants of the profile [s] between which all is smooth."""
+    limits: Floats
+    """(4,) speed, acceleration, jerk, normal acceleration."""
+    shortest: float
+    """The shortest transition tried [s]."""
 
 
 class FeedOverride:
@@ -85,8 +100,7 @@ class FeedOverride:
 
     def reset(self) -> None:
         """Back to the start, at an override of 1."""
-        self._warp[:] = 0.0
-        self._warp[[WARP_LASTS, WARP_POWERS, WARP_WANTED]] = 1.0
+        self._warp[:] = start_warp()
         self.step(0.0)
 
     def request(self, override: float) -> bool:
@@ -127,6 +141,12 @@ class FeedOverride:
         return rows
 
     @property
+    def packed(self) -> PackedFeed:
+        """For loops that run it themselves, from ``start_warp`` on."""
+        profile = self.profile
+        return PackedFeed(profile.knots, profile.coefficients, self._marks, self._limits, self._shortest)
+
+    @property
     def jerk(self) -> float:
         """Tangential jerk now [m/s^3]."""
         return float(self._out[3])
@@ -145,6 +165,13 @@ class FeedOverride:
     def done(self) -> bool:
         """Whether the end of the profile is reached."""
         return self.sigma >= self.profile.duration
+
+
+def start_warp() -> Floats:
+    """(10,) the warp of a motion that starts at an override of 1."""
+    warp = np.zeros(10)
+    warp[[WARP_LASTS, WARP_POWERS, WARP_WANTED]] = 1.0
+    return warp
 
 
 def _checked_path(path: Any, length: float) -> BlendedPath | Blend:

@@ -37,6 +37,7 @@ gymnasium.register(
 gymnasium.register(
     id="armtempo/BlendTracking-v0",
     entry_point="armtempo.envs:BlendTrackingEnv",
+    vector_entry_point="armtempo.envs:BlendTrackingVectorEnv",
     kwargs={"cell": "lee2006"},
 )
 gymnasium.register(

@@ -1,4 +1,4 @@
-"""FeedbackIK's vector as SB3 sees it: Monitor's returns, exact continuation."""
+"""Vectors of FeedbackIK and BlendTracking as SB3 sees them: Monitor's returns, exact continuation."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from armtempo.agents import VectorVecEnv
-from armtempo.envs import FeedbackIKEnv, FeedbackIKVectorEnv
+from armtempo.envs import BlendTrackingEnv, BlendTrackingVectorEnv, FeedbackIKEnv, FeedbackIKVectorEnv
 from armtempo.errors import InputError
-from armtempo.planners import IKCell
+from armtempo.planners import BlendCell, IKCell
 
 pytestmark = pytest.mark.rl
 OPTIONS: dict[str, Any] = {"action_mode": "gains", "family": "smooth", "max_episode_s": 0.3}
@@ -28,9 +28,9 @@ def vector(cell: IKCell, count: int, *, scale: float = 1.0, **options: Any) -> V
     return VectorVecEnv(made, scale)
 
 
-def steps(env: Any, count: int, seed: int = 5) -> list[Any]:
+def steps(env: Any, count: int, seed: int = 5, size: int = 4) -> list[Any]:
     random = np.random.default_rng(seed)
-    return [env.step(random.uniform(-1.0, 1.0, (env.num_envs, 4)).astype(np.float32)) for _ in range(count)]
+    return [env.step(random.uniform(-1.0, 1.0, (env.num_envs, size)).astype(np.float32)) for _ in range(count)]
 
 
 def test_it_is_stable_baselines_own_vector_of_single_ones(chung: IKCell) -> None:
@@ -73,6 +73,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(chung: IKCell) -> None:
     env.reset()
     steps(env, 6)
     state = env.get_state()
+    assert state is not None
     after = steps(env, 12, 6)
     other.reset()
     other.set_state(state)
@@ -92,3 +93,29 @@ def test_ppo_learns_on_it_and_the_other_autoreset_is_refused(chung: IKCell) -> N
     env.close()
     with pytest.raises(InputError, match="SAME_STEP"):
         VectorVecEnv(FeedbackIKVectorEnv(2, chung, **OPTIONS))
+    with pytest.raises(InputError, match="no shield"):
+        VectorVecEnv(FeedbackIKVectorEnv(2, chung, autoreset_mode="SameStep", **OPTIONS), cut_penalty=0.5)
+
+
+def test_it_has_no_state_where_tasks_are_drawn_for_every_episode(chung: IKCell) -> None:
+    """Checkpoints begin the episodes anew then."""
+    env = vector(chung, 2)
+    env.reset()
+    assert env.get_state() is None
+
+
+def test_blend_tracking_is_stable_baselines_own_vector_of_single_ones(lee2006: BlendCell) -> None:
+    options: dict[str, Any] = {"family": "line-arc", "max_episode_s": 0.2}
+    ours = VectorVecEnv(BlendTrackingVectorEnv(2, lee2006, autoreset_mode="SameStep", **options))
+    theirs = DummyVecEnv([lambda: Monitor(BlendTrackingEnv(lee2006, physics="ideal", **options))] * 2)
+    for env in (ours, theirs):
+        env.seed(11)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    for one, other in zip(steps(ours, 45, size=1), steps(theirs, 45, size=1), strict=True):
+        for a, b in zip(one[:3], other[:3], strict=True):
+            np.testing.assert_array_equal(a, b)
+        for e in np.flatnonzero(one[2]):
+            mine, yours = one[3][e], other[3][e]
+            np.testing.assert_array_equal(mine["terminal_observation"], yours["terminal_observation"])
+            assert mine["TimeLimit.truncated"] == yours["TimeLimit.truncated"]
+            assert mine["episode"]["r"] == pytest.approx(yours["episode"]["r"], abs=1e-6)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pybullet
 import pytest
@@ -15,6 +17,7 @@ from armtempo.envs import (
     ActionMode,
     BatchSimulation,
     BlendTrackingEnv,
+    BlendTrackingVectorEnv,
     CoordinationEnv,
     FeedbackIKEnv,
     FeedbackIKVectorEnv,
@@ -34,6 +37,7 @@ BLEND_STEPS_PER_S = {"bullet": 400.0, "ideal": 1200.0}  # likewise; 10 ticks eac
 IK_STEPS_PER_S = {("bullet", "speeds"): 250.0, ("ideal", "speeds"): 600.0, ("ideal", "gains"): 250.0}  # 10 ticks each
 IK_MANY = ((1, 1), (2, 1), (2, 20))  # threads and periods that an action is held
 IK_RATIO = 4.0  # of the last to one environment alone
+BLEND_RATIO = 2.5  # of 64 episodes at once to Gymnasium's vector of single ones, on one core
 ACTION = np.array([0.2], dtype=np.float32)
 LATE = 0.1  # so that whole episodes run without a violation
 
@@ -209,6 +213,31 @@ def test_ik_batch(chung: IKCell, capsys: pytest.CaptureFixture[str]) -> None:
     assert rates[3] >= IK_RATIO * rates[0]
     single.close()
     for env in many:
+        env.close()
+
+
+def test_blend_batch(lee2006: BlendCell, capsys: pytest.CaptureFixture[str]) -> None:
+    """64 episodes whose rate changes in every period, against Gymnasium's vector of single ones; rounds in turns."""
+    actions = np.random.default_rng(0).uniform(-0.2, 1.0, (30, 64, 1)).astype(np.float32)
+    single = gymnasium.vector.SyncVectorEnv([partial(BlendTrackingEnv, lee2006, physics="ideal")] * 64)
+    given = BlendTrackingVectorEnv(64, lee2006, threads=1)
+    drawn = BlendTrackingVectorEnv(64, lee2006, threads=1, family="line-arc", paths=16)
+
+    def of(env: Any) -> float:
+        env.reset(seed=0)
+        began = time.perf_counter()
+        for action in actions:
+            env.step(action)
+        return 64 * len(actions) / (time.perf_counter() - began)
+
+    rates = np.max([[of(env) for env in (single, given, drawn)] for _ in range(8)], axis=0)
+    with capsys.disabled():
+        print(  # noqa: T201
+            f"\n64 blend episodes: {rates[1]:.0f} control periods/s on one core, {rates[2]:.0f} on 16 drawn paths; "
+            f"single ones in turns {rates[0]:.0f}"
+        )
+    assert rates[1] >= BLEND_RATIO * rates[0]
+    for env in (single, given, drawn):
         env.close()
 
 

@@ -296,12 +296,61 @@ def test_input_errors(lee1991: CoordinationCell) -> None:
     with pytest.raises(InputError, match="1 seeds for 2"):
         CoordinationVectorEnv(lee1991, 2).reset(seed=[3])
     env = YieldingVectorEnv(2, lee1991)
+    with pytest.raises(ActionError, match="call reset"):
+        env.step(np.zeros((2, 1)))
+    env.reset(seed=0)
     for wrong in (np.zeros(2), np.full((2, 1), np.nan), None):
         with pytest.raises(ActionError, match="shape"):
             env.step(wrong)  # type: ignore[arg-type]
     executed = YieldingVectorEnv(2, lee1991, others="delay")
+    executed.reset(seed=0)
     with pytest.raises(InputError, match="cannot be saved"):
         executed.get_state()
+
+
+@pytest.mark.parametrize("kind", [YieldingVectorEnv, CoordinationVectorEnv])
+def test_resets_and_steps_out_of_turn_are_refused_as_everywhere(lee1991: CoordinationCell, kind: Any) -> None:
+    env = kind(cell=lee1991, num_envs=2)
+    with pytest.raises(InputError, match="before a reset"):
+        env.get_state()
+    with pytest.raises(UnknownNameError, match=r"reset option 'master_late'.*did you mean 'master_late_s'"):
+        env.reset(options={"master_late": 0.1})
+    with pytest.raises(InputError, match="options must map"):
+        env.reset(options=[1])
+    for mask in (np.zeros(2, dtype=np.bool_), np.ones(3, dtype=np.bool_), [True, False], np.ones(2)):
+        with pytest.raises(InputError, match="reset_mask"):
+            env.reset(options={"reset_mask": mask})
+    env.reset(seed=0, options={"master_late_s": 0.1})
+    env.close()
+    env.close()
+    with pytest.raises(InputError, match="closed"):
+        env.reset()
+    with pytest.raises(ActionError, match="closed"):
+        env.step(np.zeros(env.action_space.shape))
+
+
+def test_a_seed_of_none_goes_on_with_what_is_drawn(lee1991: CoordinationCell) -> None:
+    """As a reset without a seed does in a single environment."""
+    many = YieldingVectorEnv(2, lee1991, **MANY)
+    singles = [YieldingEnv(lee1991, physics="ideal", **MANY) for _ in range(2)]
+    many.reset(seed=[5, 6])
+    seen, _ = many.reset(seed=[None, 9])
+    for env, seeds in zip(singles, ((5, None), (6, 9)), strict=True):
+        for seed in seeds:
+            last, _ = env.reset(seed=seed)
+        np.testing.assert_array_equal(seen[singles.index(env)], last)
+
+
+def test_options_are_checked_by_their_record(lee1991: CoordinationCell) -> None:
+    kinds: tuple[Any, ...] = (YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation)
+    for kind in kinds:
+        make = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
+        with pytest.raises(UnknownNameError, match="sheild"):
+            kind(**make, sheild=True)
+        with pytest.raises(InputError, match="max_episode_s"):
+            kind(**make, max_episode_s=True)
+        with pytest.raises(InputError, match="model_error"):
+            kind(**make, model_error=0.1)
 
 
 def test_bullet_is_refused_in_one_line_that_names_the_way_out() -> None:

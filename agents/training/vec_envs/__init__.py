@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from armtempo.agents.training.vec_envs._batch import BatchVecEnv
 from armtempo.agents.training.vec_envs._parallel import ParallelVecEnv
 from armtempo.agents.training.vec_envs._vector import VectorVecEnv
 
 __all__ = [
-    "BatchVecEnv",
     "ParallelVecEnv",
     "VectorVecEnv",
 ]

@@ -1,4 +1,4 @@
-"""The batched simulator as SB3 sees it: the same episodes as one environment at a time, and exact continuation."""
+"""Rows of learners as SB3 sees them: the same episodes as one environment at a time, and exact continuation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor
 
-from armtempo.agents import BatchVecEnv, ParallelVecEnv
+from armtempo.agents import ParallelVecEnv, VectorVecEnv
 from armtempo.envs import CoordinationEnv, CoordinationVectorEnv
 from armtempo.planners import CoordinationCell
 
@@ -21,8 +21,8 @@ pytestmark = pytest.mark.rl
 LATE: dict[str, Any] = {"master_late_s": 0.1}
 
 
-def batch(cell: CoordinationCell, episodes: int, **options: Any) -> BatchVecEnv:
-    return BatchVecEnv(CoordinationVectorEnv(cell, episodes, **LATE, **options))
+def batch(cell: CoordinationCell, episodes: int, **options: Any) -> VectorVecEnv:
+    return VectorVecEnv(CoordinationVectorEnv(cell, episodes, **LATE, **options))
 
 
 def steps(env: Any, count: int, seed: int = 5) -> list[Any]:
@@ -77,6 +77,7 @@ def test_it_goes_on_from_its_state_to_the_last_bit(lee1991: CoordinationCell) ->
     env.reset()
     steps(env, 40)
     state = env.get_state()
+    assert state is not None
     after = steps(env, 90, 6)
     other.seed(9)
     other.reset()
@@ -111,7 +112,8 @@ def test_ppo_learns_on_it(lee1991: CoordinationCell) -> None:
 
 def test_what_the_shield_cuts_costs(lee1991: CoordinationCell) -> None:
     plain, charged = (
-        BatchVecEnv(CoordinationVectorEnv(lee1991, 4, shield=True, learners=(1,)), penalty) for penalty in (0.0, 0.5)
+        VectorVecEnv(CoordinationVectorEnv(lee1991, 4, shield=True, learners=(1,)), cut_penalty=penalty)
+        for penalty in (0.0, 0.5)
     )
     for env in (plain, charged):
         env.seed(3)

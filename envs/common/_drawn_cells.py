@@ -1,0 +1,110 @@
+"""The cells that episodes of a vector take: drawn beforehand, or one for every episode; and room for their arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, TypeVar, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armtempo.envs.common._vector_parts import count_of
+from armtempo.errors import InputError
+
+CellT = TypeVar("CellT")
+
+
+@final
+class Slots:
+    """Arrays of different lengths, those of a name in one array (S, R, ...) that grows as the longest needs it."""
+
+    def __init__(self, slots: int) -> None:
+        self.count = slots
+        self._arrays: dict[str, NDArray[Any]] = {}
+
+    def put(self, slot: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Instead of what is there."""
+        for name, values in arrays.items():
+            array = self._arrays.get(name)
+            if array is None:
+                array = np.zeros((self.count, *values.shape), dtype=values.dtype)
+            missing = len(values) - array.shape[1]
+            if missing > 0:
+                array = np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)])
+            array[slot, : len(values)] = values
+            self._arrays[name] = array
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """The array of a name; what is behind the end of shorter ones means nothing."""
+        return self._arrays[name]
+
+
+def families_of(family: str | Sequence[str]) -> tuple[str, ...]:
+    """One family of tasks, or several.
+
+    Raises:
+        InputError: There is none.
+    """
+    families = (family,) if isinstance(family, str) else tuple(family)
+    if not families:
+        raise InputError("there is no family", remedy="give one at least")
+    return families
+
+
+@final
+class DrawnCells(Generic[CellT]):
+    """Cells of the same arm with tasks that are drawn: one for every episode, or so many beforehand.
+
+    Args:
+        cell: What is drawn from.
+        families: Of the tasks; environments, or what is drawn beforehand, take them in turn.
+        draw: Draws the cell with a task of a family.
+        put: Keeps a cell in a slot.
+        episodes: E.
+        number: How many are drawn beforehand; None: one for every episode. All are the same if they are ``given``.
+        seed: Of these.
+        what: What they are called: ``targets``.
+
+    Attributes:
+        slots: How many are kept.
+        beforehand: Whether nothing is drawn for an episode.
+
+    Raises:
+        InputError: A number that cannot be used.
+    """
+
+    def __init__(
+        self,
+        cell: CellT,
+        families: Sequence[str],
+        draw: Callable[[CellT, str, np.random.Generator], CellT],
+        put: Callable[[int, CellT], None],
+        episodes: int,
+        number: int | None,
+        seed: int,
+        what: str,
+    ) -> None:
+        count = episodes if number is None else count_of(number, what)
+        if not (isinstance(seed, int | np.integer) and seed >= 0):
+            raise InputError(f"{what[:-1]}_seed must be a whole number, 0 or more, got {seed!r}")
+        if number is not None and count < len(families):
+            raise InputError(f"{count} {what} for {len(families)} families", remedy="draw one of each at least")
+        given = set(families) == {"given"}
+        self._cell, self._families, self._draw, self._put, self._seed = cell, families, draw, put, seed
+        self.slots, self.beforehand = 1 if given else count, given or number is not None
+
+    def draw_beforehand(self) -> None:
+        """Fill the slots, if nothing is drawn for an episode."""
+        random = np.random.default_rng(self._seed)
+        for slot in range(self.slots) if self.beforehand else ():
+            self._fill(slot, slot, random)
+
+    def _fill(self, slot: int, turn: int, random: np.random.Generator) -> None:
+        self._put(slot, self._draw(self._cell, self._families[turn % len(self._families)], random))
+
+    def slot_for(self, e: int, random: np.random.Generator) -> int:
+        """The slot that a new episode of environment e takes its task from."""
+        if self.beforehand:
+            return int(random.integers(self.slots))
+        self._fill(e, e, random)
+        return e
