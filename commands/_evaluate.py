@@ -16,7 +16,7 @@ from armtempo.commands.console import (
     default_folder,
     new_table,
     number,
-    open_any_cell,
+    open_cell,
 )
 from armtempo.errors import ArmtempoError
 
@@ -82,7 +82,7 @@ def evaluate(
     _check_numbers(episodes, seed, master_late, observation_noise, start_phase)
     coordination = _asked(shield, disturbance, observation_noise, start_phase)
     output = Output(json_file)
-    built = open_any_cell(cell, output)
+    built = open_cell(cell, output)
     from armtempo import agents
     from armtempo.planners import BlendCell, CoordinationCell
 
@@ -121,7 +121,7 @@ def evaluate(
     _tabulate(result, output, master_late)
     output.json(result.to_dict())
     if figures:
-        from armtempo.commands._plot import draw
+        from armtempo.commands.figures._write import draw
 
         folder = default_folder(built, out)
         with output.progress("Drawing"):

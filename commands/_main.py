@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import tyro
 
 from armtempo import ArmtempoError, __version__
-from armtempo.commands._bench import BENCHES, bench
 from armtempo.commands._cells import cells
 from armtempo.commands._evaluate import evaluate
 from armtempo.commands._generate import generate
@@ -18,6 +17,7 @@ from armtempo.commands._record import record
 from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
+from armtempo.commands.bench import BENCHES, bench
 
 DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
 
@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
         elif line[:1] == ["bench"]:
             tyro.extras.subcommand_cli_from_dict(
-                BENCHES, prog="armtempo bench", description=bench.__doc__, args=line[1:]
+                dict(BENCHES), prog="armtempo bench", description=bench.__doc__, args=line[1:]
             )
         else:
             tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)

@@ -50,7 +50,7 @@ def evaluate_one_arm(
     report.tabulate(result, output)
     output.json(result.to_dict())
     if figures:
-        from armtempo.commands._plot import draw
+        from armtempo.commands.figures._write import draw
 
         folder = default_folder(cell, out)
         with output.progress("Drawing"):
