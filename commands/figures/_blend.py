@@ -143,16 +143,17 @@ def planned_path(plans: Mapping[str, AlongPath]) -> Figure:
     figure, curvature = _path_figure(cell)
     curvature.set_title("Curvature along the path")
     _shade(curvature, cell)
-    for plan in {plan.cell.config.blend.curve: plan for plan in reversed(tuple(plans.values()))}.values():
-        path, curve = plan.cell.blended, plan.cell.config.blend.curve
-        s = np.linspace(0.0, path.length, SAMPLES)
-        given = plan.cell is cell
-        curvature.plot(s, path.curvature(s), color=INK if given else SMOOTH, label=f"{curve} blends")
+    curves = {plan.cell.config.blend.curve: plan.cell.blended for plan in plans.values()}
+    lines = []
+    for name, path in curves.items():
+        s, first = np.linspace(0.0, path.length, SAMPLES), not lines
+        lines += curvature.plot(
+            s, path.curvature(s), color=INK if first else SMOOTH, linewidth=1.2, label=f"{name} blends"
+        )
     curvature.set_ylim(bottom=0.0)
     curvature.set_xlabel("length along the path [m]")
     curvature.set_ylabel("curvature [1/m]")
-    curvature.legend(loc="best")
-    legend(figure, {}, *_path_handles())
+    legend(figure, {}, *_path_handles(), *lines)
     return figure
 
 

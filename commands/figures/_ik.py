@@ -39,7 +39,7 @@ SMALLEST_M, SMALLEST_RAD = 1e-6, 1e-7  # errors below are drawn there
 BACK = 0.05  # of its extent: a target that ends so near its start has come back
 TARGET: dict[str, Any] = {"color": INK, "linewidth": 8.0, "alpha": 0.28, "zorder": 2.5}
 LAG: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (2, 2)), "zorder": 6.0}
-BOUND: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (4, 1.5)), "zorder": 3.0}
+BOUND: dict[str, Any] = {"color": "#B00020", "linewidth": 0.9, "linestyle": (0, (2, 2)), "zorder": 5.5}
 DAMPED = "#F3E3C3"
 
 
@@ -147,8 +147,9 @@ def errors(
         if name != "random":
             singular.plot(trace.time, trace.singular_value, **line_of(name))
     for name, both in bounds.items():
-        for axes, bound, scale in zip((position, orientation), both, (1e3, 1.0), strict=True):
-            axes.semilogy(traces[name].time, scale * bound, **line_of(name) | BOUND)
+        time = traces[name].time
+        position.semilogy(time, 1e3 * np.maximum(both[0], SMALLEST_M), **BOUND)
+        orientation.semilogy(time, np.maximum(both[1], SMALLEST_RAD), **BOUND)
     gain = cell.config.law.position_gain_1_s
     speed = np.linalg.norm(cell.target.velocity[::2], axis=1)
     position.semilogy(cell.target.time, 1e3 * np.maximum(speed / gain, SMALLEST_M), **LAG)
@@ -173,7 +174,7 @@ def errors(
     singular.set_xlabel("time [s]")
     handles = [Line2D([], [], label=f"target's speed / {gain:g} 1/s", **LAG)]
     if bounds:
-        handles.append(Line2D([], [], label="bound of an error", color=MUTED, **BOUND))
+        handles.append(Line2D([], [], label="bound of an error", **BOUND))
     legend(figure, traces, *handles)
     return figure
 
