@@ -144,7 +144,7 @@ def planned_path(plans: Mapping[str, AlongPath]) -> Figure:
     curvature.set_title("Curvature along the path")
     _shade(curvature, cell)
     curves = {plan.cell.config.blend.curve: plan.cell.blended for plan in plans.values()}
-    lines = []
+    lines: list[Line2D] = []
     for name, path in curves.items():
         s, first = np.linspace(0.0, path.length, SAMPLES), not lines
         lines += curvature.plot(

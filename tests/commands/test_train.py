@@ -24,6 +24,14 @@ ppo: {rollout_steps: 64, batch_size: 64, epochs: 1, first_action: 1.0, log_std_s
 """
 
 
+ONE_ARM = {
+    "blend": TRAINING.replace("coordination: {cells: [lee1991]}", "blend_tracking: {cell: lee2006, physics: ideal}"),
+    "ik": TRAINING.replace(
+        "coordination: {cells: [lee1991]}", "feedback_ik: {cell: short.yaml, physics: ideal, action_mode: gains}"
+    ),
+}
+
+
 @pytest.fixture(autouse=True)
 def _work_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -57,6 +65,20 @@ def test_train_then_evaluate_in_one_table_with_planners(capsys: pytest.CaptureFi
         assert numbers["ratio_interval"][0] <= numbers["ratio_to_best_online"] <= numbers["ratio_interval"][1]
     assert table["policies"][table["best_online"]]["ratio_to_best_online"] == 1.0
     assert table["policies"]["optimal"]["interventions"] is None
+
+
+@pytest.mark.parametrize("kind", list(ONE_ARM))
+def test_the_last_table_has_what_rows_of_the_kind_have(
+    kind: str, short_ik_cell: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("tensorboard")
+    Path("one.yaml").write_text(ONE_ARM[kind], encoding="utf-8")
+    assert main(["train", "one.yaml", "--json", "curve.json"]) == 0
+    out = capsys.readouterr().out
+    assert "reward" in out
+    assert "makespan" not in out
+    assert [row["steps"] for row in json.loads(Path("curve.json").read_text())["curve"]] == [0, 128, 256]
 
 
 @pytest.mark.parametrize(
