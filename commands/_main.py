@@ -10,7 +10,7 @@ import tyro
 from armtempo import ArmtempoError, __version__
 from armtempo.commands._bench import BENCHES, bench
 from armtempo.commands._cells import cells
-from armtempo.commands._evaluate import evaluate
+from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
 from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
@@ -23,8 +23,8 @@ DESCRIPTION = """When robot arms move along given paths: plan their timing, simu
 
 Begin with `armtempo evaluate lee1991`; `armtempo COMMAND --help` explains a command's options."""
 
-COMMANDS: dict[str, Callable[..., None]] = {
-    "evaluate": evaluate,
+COMMANDS: dict[str, Callable[..., object]] = {
+    "evaluate": Evaluate,
     "plan": plan,
     "plot": plot,
     "record": record,
@@ -49,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
             tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
+        elif line[:1] == ["evaluate"]:  # its flags are those of the cell's kind
+            evaluate(line[1:])
         elif line[:1] == ["bench"]:
             tyro.extras.subcommand_cli_from_dict(
                 BENCHES, prog="armtempo bench", description=bench.__doc__, args=line[1:]
