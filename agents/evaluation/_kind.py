@@ -10,6 +10,7 @@ from armtempo.errors import UnknownNameError
 from armtempo.planners.cells import CellBase
 
 CellT = TypeVar("CellT", bound=CellBase[Any])
+CellT_contra = TypeVar("CellT_contra", bound=CellBase[Any], contravariant=True)
 OptionsT = TypeVar("OptionsT")
 RunT = TypeVar("RunT")
 RunT_co = TypeVar("RunT_co", covariant=True)
@@ -34,7 +35,7 @@ class Runner(Protocol[RunT_co]):
         """Close the environment."""
 
 
-class Kind(Protocol[CellT, OptionsT, RunT, ResultT]):
+class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
     """One kind of cell, as evaluations see it; ``KINDS`` lists them by the ``kind`` of a cell's file.
 
     Attributes:
@@ -55,7 +56,9 @@ class Kind(Protocol[CellT, OptionsT, RunT, ResultT]):
     may_refuse: bool = False
     policies: tuple[str, ...]
 
-    def open(self, cell: CellT, policy: str, options: OptionsT, *, render_mode: str | None = None) -> Runner[RunT]:
+    def open(
+        self, cell: CellT_contra, policy: str, options: OptionsT, *, render_mode: str | None = None
+    ) -> Runner[RunT]:
         """An environment, recording unless it renders, and who acts in it: a baseline or a learned agent.
 
         Raises:
@@ -64,16 +67,16 @@ class Kind(Protocol[CellT, OptionsT, RunT, ResultT]):
         """
         ...
 
-    def measure(self, cell: CellT, runs: Sequence[RunT], seed: int) -> ResultT:
+    def measure(self, cell: CellT_contra, runs: Sequence[RunT], seed: int) -> ResultT:
         """The figures of a policy over its episodes; ``seed`` is that of the bootstrap."""
         ...
 
-    def head(self, cell: CellT) -> Mapping[str, object]:
+    def head(self, cell: CellT_contra) -> Mapping[str, object]:
         """What holds for every policy: limits and bounds, units in the keys."""
         ...
 
     def compare(
-        self, cell: CellT, options: OptionsT, results: Mapping[str, ResultT], *, episodes: int, seed: int
+        self, cell: CellT_contra, options: OptionsT, results: Mapping[str, ResultT], *, episodes: int, seed: int
     ) -> tuple[Mapping[str, ResultT], Mapping[str, object]]:
         """The results with what is known of each only beside the others, and more facts for the head."""
         return results, {}

@@ -118,11 +118,14 @@ def evaluation_figures(evaluation: CoordinationEvaluation) -> dict[str, Figure]:
     }
     if emphasised in traces:
         figures["torque"] = _time_figures.torques(
-            schedules.get(emphasised), traces[emphasised], cell, title=f"Torques: {emphasised}, {evaluation.physics}"
+            schedules.get(emphasised),
+            traces[emphasised],
+            cell,
+            title=f"Torques: {emphasised}, {evaluation.options.physics}",
         )
     if len(cell.arms) > 1:
         figures["clearance"] = _time_figures.clearances(
-            cell, schedules, traces, emphasised, f"Clearance between the arms, {evaluation.physics}"
+            cell, schedules, traces, emphasised, f"Clearance between the arms, {evaluation.options.physics}"
         )
         figures["coordination_chart"] = _space_figures.coordination_chart(cell, pair=_space_figures.meeting(cell)[0])
         if schedules:
