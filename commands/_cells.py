@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from armtempo.commands.console import JsonFile, Output, new_table, number, open_cell, shown
-from armtempo.commands.reports._ik import gain_x_period, unsettled
+from armtempo.commands.reports import gain_warning, gain_x_period
 
 if TYPE_CHECKING:
     from armtempo.planners import BlendCell, CoordinationCell, IKCell
@@ -302,7 +302,7 @@ def _show_ik(cell: IKCell, output: Output) -> None:
         f"The law alone stays within {1e3 * facts['position_error_max_m']:.2g} mm of it; the smallest singular value "
         f"on the way is {number(facts['singular_value_min'], 3)}, damped is below {facts['damping']:g}."
     )
-    if warning := unsettled(cell):
+    if warning := gain_warning(cell):
         output.say(f"[red]{warning}[/]")
     output.say(
         "Looked at, not certified: at postures of that run the drives can hold the arm, and it does not touch itself. "

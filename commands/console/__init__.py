@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.commands.console._options import (
+from armtempo.commands.console._flags import (
     AllNames,
     CellName,
     DisturbanceName,
@@ -15,6 +15,8 @@ from armtempo.commands.console._options import (
     check_period,
     check_seed,
 )
+from armtempo.commands.console._kind_line import read_kind_line
+from armtempo.commands.console._options import field_docs, flag_of, options_from, with_flags
 from armtempo.commands.console._output import (
     Output,
     default_folder,
@@ -24,12 +26,14 @@ from armtempo.commands.console._output import (
     shown,
     silent_stdout,
 )
+from armtempo.commands.console._table import LIMIT_RESOLVED, significant, table_of
 
 __all__ = [
     "AllNames",
     "CellName",
     "DisturbanceName",
     "JsonFile",
+    "LIMIT_RESOLVED",
     "Names",
     "OutFolder",
     "Output",
@@ -39,9 +43,16 @@ __all__ = [
     "check_period",
     "check_seed",
     "default_folder",
+    "field_docs",
+    "flag_of",
     "new_table",
     "number",
     "open_cell",
+    "options_from",
+    "read_kind_line",
     "shown",
+    "significant",
     "silent_stdout",
+    "table_of",
+    "with_flags",
 ]

@@ -47,7 +47,7 @@ SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
-    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.family == "given" else {}
+    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.options.family == "given" else {}
     figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
     return {**figures, "torque": torques(traces)}
 

@@ -27,7 +27,7 @@ from armtempo.commands.figures._style import (
 from armtempo.planners import CoordinationCell, PhaseTrajectory, Schedule
 
 if TYPE_CHECKING:
-    from armtempo.agents import Evaluation, PolicyResult
+    from armtempo.agents import CoordinationEvaluation, CoordinationResult
     from armtempo.envs import EpisodeTrace
 
 
@@ -254,7 +254,7 @@ def simulated_speeds(trace: EpisodeTrace) -> tuple[Floats, Floats, Floats]:
     return trace.time, trace.mu, trace.arrival
 
 
-def _draw_bars(axes: Axes, results: Mapping[str, PolicyResult], bound: float, sequential: float) -> None:
+def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: float, sequential: float) -> None:
     """Makespans, the quickest at the top, with saving; policies that do not finish at the bottom."""
     ordered = sorted(results.items(), key=lambda item: item[1].makespan_s or np.inf)
     longest = max([result.makespan_s or 0.0 for _, result in ordered] + [sequential])
@@ -332,7 +332,7 @@ def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: EpisodeTrace,
 
 
 @styled
-def overview(evaluation: Evaluation) -> Figure:
+def overview(evaluation: CoordinationEvaluation) -> Figure:
     """An evaluation at a glance: relative motion in the chart, makespans, clearance and torques over time."""
     cell, results = evaluation.cell, evaluation.results
     emphasised = best_shown(results)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.commands.console import new_table, number
+from armtempo.commands.console import LIMIT_RESOLVED, new_table, number
 from armtempo.commands.plans._motions import instants, joint_motion
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import BlendCell, LineSpeedProfile
@@ -35,7 +35,6 @@ PROFILES: Mapping[str, tuple[str, str | None]] = {  # the profile; the curve of 
 }
 SAMPLES = 16001  # of a profile, besides its knots
 BLEND_SAMPLES = 401  # of a blend
-RATIO_OVER = 1.0 + 1e-3  # share of a limit from which the table prints it red: what samples can resolve
 
 HEADS = (
     "duration\n\\[s]",
@@ -224,7 +223,7 @@ class BlendPlans(CellPlans[BlendCell, BlendPlan]):
 def share(ratio: float) -> str:
     """A share of a limit, red where it is above."""
     text = number(ratio, 3)
-    return f"[red]{text}[/]" if math.isfinite(ratio) and ratio > RATIO_OVER else text
+    return f"[red]{text}[/]" if math.isfinite(ratio) and ratio > LIMIT_RESOLVED else text
 
 
 def _corner_table(entries: Mapping[str, Mapping[str, Any]]) -> Table:

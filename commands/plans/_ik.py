@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.commands.console import new_table, number
+from armtempo.commands.console import LIMIT_RESOLVED, new_table, number, significant
 from armtempo.commands.plans._motions import run_motion
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import FeedbackIK, IKCell, NewtonIK
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 UNDAMPED = 1e-6  # damping of a law that damps nothing
-RATIO_OVER = 1.0 + 1e-3  # share of a limit from which the table prints it red: what ticks can resolve
 
 HEADS = (
     "position\nrms \\[mm]",
@@ -118,7 +117,7 @@ class IKPlans(CellPlans[IKCell, IKPlan]):
         return FeedbackIK(
             cell.arm,
             cell.solver.gains,
-            error=cell.config.law.error,
+            error=cell.law.error,
             feed_forward=feed_forward,
             task=cell.solver.task,
             damping=UNDAMPED,
@@ -199,11 +198,8 @@ class IKPlans(CellPlans[IKCell, IKPlan]):
 
 
 def _digits(value: float | None, scale: float = 1.0) -> str:
-    """Three digits that count; no more zeros than a reader can see through."""
-    if value is None:
-        return "–"
-    value *= scale
-    return f"{value:.1e}" if 0.0 < value < 1e-3 else f"{value:.3g}"
+    """Three digits that count, or a dash."""
+    return "–" if value is None else significant(scale * value)
 
 
 def _bound_of_angle(value: float | None) -> str:
@@ -212,4 +208,4 @@ def _bound_of_angle(value: float | None) -> str:
 
 
 def _ratio(value: float) -> str:
-    return f"[red]{_digits(value)}[/]" if value > RATIO_OVER else _digits(value)
+    return f"[red]{_digits(value)}[/]" if value > LIMIT_RESOLVED else _digits(value)

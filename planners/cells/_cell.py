@@ -23,6 +23,10 @@ class Cell(Protocol):
         """The cell's name."""
 
     @property
+    def kind(self) -> str:
+        """What it is for: ``kind`` of its file."""
+
+    @property
     def config(self) -> AnyCellConfig:
         """What it was built from."""
 
@@ -86,6 +90,11 @@ class CellBase(Generic[ConfigT]):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+
+    @property
+    def kind(self) -> str:
+        """What it is for: ``kind`` of its file."""
+        return self.config.kind
 
     @property
     def physics_tick(self) -> float:

@@ -221,14 +221,28 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee1991", "--seed", "-1"], ["--seed"]),
         (["evaluate", "lee1991", "--master-late", "nan"], ["--master-late"]),
         (["evaluate", "lee2006", "--policies", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
-        (["evaluate", "lee2006", "--mode", "acceleration"], ["--mode and --master-late are for cells of several arms"]),
-        (["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"], ["--model-error needs bodies"]),
-        (["evaluate", "lee2006", "--model-error", "-2"], ["model_error must be a share above -1"]),
-        (["evaluate", "lee1991", "--family", "zigzag"], ["--family", "blend cells"]),
+        (
+            ["evaluate", "lee1991", "--master-late", "0.1", "0.2", "0.3"],
+            ["--master-late must be one number or the ends"],
+        ),
+        (["evaluate", "lee1991", "--start-phase", "0.3", "0.1"], ["--start-phase must be a number or a range"]),
+        (["evaluate", "lee1991", "--disturbance", "lat"], ["unknown disturbance 'lat'", "did you mean 'late'"]),
+        (["evaluate", "lee1991", "--physics", "mujoco"], ["unknown physics 'mujoco'", "bullet, ideal"]),
+        (
+            ["evaluate", "lee2006", "--mode", "acceleration"],
+            ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --episodes, --family"],
+        ),
+        (
+            ["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"],
+            ["--model-error is 0.1 and physics 'ideal', which has no bodies (take --physics='bullet', or"],
+        ),
+        (["evaluate", "lee2006", "--model-error", "-2"], ["--model-error must be a share above -1"]),
+        (["evaluate", "lee1991", "--family", "zigzag"], ["in coordination cells '--family'"]),
+        (["evaluate", "lee1991", "--sheild"], ["did you mean '--shield'?"]),
         (["evaluate", "chung", "--policies", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
-        (["evaluate", "chung", "--family", "zigzag"], ["--family zigzag does not exist in ik cells", "near-singular"]),
-        (["evaluate", "lee2006", "--family", "smooth"], ["--family smooth does not exist in blend cells", "zigzag"]),
-        (["evaluate", "chung", "--master-late", "1"], ["--mode and --master-late are for cells of several arms"]),
+        (["evaluate", "chung", "--family", "zigzag"], ["unknown family of targets 'zigzag'", "near-singular"]),
+        (["evaluate", "lee2006", "--family", "smooth"], ["unknown family of paths 'smooth'", "zigzag"]),
+        (["evaluate", "chung", "--master-late", "1"], ["in ik cells '--master-late'"]),
         (["reproduce", "lee1990"], ["unknown paper 'lee1990'", "lee1991"]),
         (["plot", "lee1991", "--method", "fast"], ["unknown method 'fast'", "known:"]),
         (["plot", "lee2006", "--method", "vci"], ["unknown method 'vci'", "line-speed"]),
@@ -238,8 +252,8 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["record", "lee1991", "--policy", "nobody"], ["unknown policy 'nobody'"]),
         (["record", "lee2006", "--policy", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
         (["record", "chung", "--policy", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
-        (["record", "lee2006", "--shield"], ["--shield: for cells of several arms"]),
-        (["record", "chung", "--master-late", "1"], ["--master-late: for cells of several arms"]),
+        (["record", "lee2006", "--shield"], ["unknown option of armtempo record in blend cells '--shield'"]),
+        (["record", "chung", "--master-late", "1"], ["in ik cells '--master-late'"]),
         (["record", "lee2006", "--policy", "ppo:lee1991"], ["an agent of coordination, not of blend-tracking"]),
         (["record", "lee1991", "--policy", "ppo:feedback-ik"], ["an agent of feedback-ik, not of coordination"]),
         (["record", "chung", "--policy", "ppo:nobody"], ["unknown agent 'ppo:nobody'"]),
@@ -304,7 +318,7 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
         (
             "evaluate",
             "Run policies in the simulated cell",
-            ["--episodes N", "--seed K", "--master-late S", "--out DIR"],
+            ["--episodes N", "--seed K", "--out DIR", '"armtempo evaluate CELL --help" lists them'],
         ),
         ("reproduce", "Compute every table value", ["PAPER", "--json FILE"]),
         ("plot", "Draw a cell and its plans", ["--method NAME", "(default: vci; of one arm all)"]),
@@ -320,13 +334,42 @@ def test_help_explains(command: str, first_line: str, words: list[str], capsys: 
         assert word in out
 
 
+@pytest.mark.parametrize(
+    ("cell", "own", "foreign"),
+    [
+        (
+            "lee1991",
+            ["--master-late S [S]", "--shield", "--disturbance NAME", "--mode {speed,acceleration}"],
+            "--family",
+        ),
+        ("lee2006", ["--family {given,polyline,zigzag,line-arc}", "--model-error X", "limit-aware-smooth"], "--shield"),
+        ("chung", ["--family {given,smooth,near-singular,partly-unreachable}", "feedback-damped"], "--profile"),
+    ],
+)
+def test_help_of_evaluate_lists_the_options_of_the_cells_kind(
+    cell: str, own: list[str], foreign: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["evaluate", cell, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "Run policies in the simulated cell" in out
+    assert all(word in out for word in (*own, "CELL", "--episodes N", "--physics {bullet,ideal}"))
+    assert foreign not in out
+
+
+def test_flags_may_come_before_the_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "--physics", "ideal", "--shield", "--no-figures", "lee1991", "--policies", "delay"]
+    assert main([*line, "--master-late", "0.01", "0.02", "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["physics"], data["shield"], data["master_late_s"]) == ("ideal", True, [0.01, 0.02])
+
+
 def test_help_names_all_methods_and_policies(capsys: pytest.CaptureFixture[str]) -> None:
-    from armtempo.agents import BLEND_POLICIES, IK_POLICIES, POLICIES
+    from armtempo.agents import BLEND_POLICIES, COORDINATION_POLICIES, IK_POLICIES
     from armtempo.planners import METHODS
     from armtempo.planners.cells import PROFILES
 
     methods = (*METHODS, *PROFILES, "limit-aware-smooth", "law", "feedback", "feedback-ff", "newton")
-    policies = (*POLICIES, *BLEND_POLICIES, *IK_POLICIES)
+    policies = (*COORDINATION_POLICIES, *BLEND_POLICIES, *IK_POLICIES)
     for command, names in (("plan", methods), ("plot", methods), ("evaluate", policies), ("record", policies)):
         assert main([command, "--help"]) == 0
         out = capsys.readouterr().out

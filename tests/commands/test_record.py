@@ -20,13 +20,28 @@ def test_record_films_an_episode(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_record_writes_mp4_and_folders_whole(tmp_path: Path) -> None:
-    from armtempo.commands._record import write_film
+    from armtempo.commands._record import film_writer
 
     frames = [np.full((48, 64, 3), shade, dtype=np.uint8) for shade in (0, 100, 200)]
-    write_film(frames, tmp_path / "film.mp4", 12.5)
+    for target in ("film.mp4", "pictures"):
+        with film_writer(tmp_path / target, 12.5) as write:
+            for frame in frames:
+                write(frame)
     assert (tmp_path / "film.mp4").stat().st_size > 500
-    write_film(frames, tmp_path / "pictures", 12.5)
     assert len(list((tmp_path / "pictures").iterdir())) == 3
+
+
+def test_an_interrupted_film_leaves_nothing(tmp_path: Path) -> None:
+    from armtempo.commands._record import film_writer
+
+    def interrupted() -> None:
+        with film_writer(tmp_path / "film.gif", 12.5) as write:
+            write(np.zeros((48, 64, 3), dtype=np.uint8))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("policy", ["constant", "limit-aware-smooth", "ppo:blend-tracking"])
@@ -48,7 +63,7 @@ def test_record_films_an_ik_cell(policy: str, short_ik_cell: str) -> None:
 def test_record_names_the_film_of_an_agent_after_its_file(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    line = ["record", "lee1991", "--policy", "ppo:lee1991", "--physics", "ideal", "--slow", "0.5", "--master-late"]
-    assert main([*line, "0.1"]) == 0
+    line = ["record", "lee1991", "--policy", "ppo:lee1991", "--physics", "ideal", "--slow", "0.5", "--shield"]
+    assert main([*line, "--disturbance", "late"]) == 0
     assert Path("results/lee1991/ppo-lee1991.mp4").stat().st_size > 500
     assert "0.5 times slower than reality" in " ".join(capsys.readouterr().out.split())
