@@ -57,9 +57,10 @@ def read_kind_line(line: Sequence[str], flags: type[Any], program: str) -> tuple
 
 def _cell_word(line: Sequence[str]) -> str | None:
     """The word of the line that is the cell: the first one, or behind flags a bundled name or a YAML file."""
+    words = [word for word in line if not word.startswith("-")]
+    if not words or words[0] == line[0]:
+        return next(iter(words), None)
     from armtempo.configs import bundled_cells  # late: it imports pydantic
 
-    if line and not line[0].startswith("-"):
-        return line[0]
     known = bundled_cells()
-    return next((word for word in line if word in known or Path(word).suffix in (".yaml", ".yml")), None)
+    return next((word for word in words if word in known or Path(word).suffix in (".yaml", ".yml")), None)

@@ -92,7 +92,7 @@ def test_the_last_table_has_what_rows_of_the_kind_have(
         (["evaluate", "lee1991", "--policies", "ppo:no.npz"], "no such agent file"),
         (["evaluate", "lee1991", "--start-phase", "0.5", "0.2"], "--start-phase must be"),
         (["evaluate", "lee1991", "--observation-noise", "-1"], "--observation-noise must be"),
-        (["evaluate", "lee2006", "--shield"], "--shield: for cells of several arms"),
+        (["evaluate", "lee2006", "--shield"], "unknown option of armtempo evaluate in blend cells '--shield'"),
     ],
 )
 def test_errors_are_one_line(line: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
