@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Protocol, TypeVar
 
-from armtempo.errors import UnknownNameError
+from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners.cells import CellBase
 
 CellT = TypeVar("CellT", bound=CellBase[Any])
@@ -97,8 +97,13 @@ def options_for(kind: Kind[Any, OptionsT, Any, Any], options: OptionsT | None, k
 
     Raises:
         UnknownNameError: A keyword that cells of this kind do not have, or that policies bring themselves.
-        InputError: A value that an episode cannot have.
+        InputError: A value that an episode cannot have, or the record of another kind.
     """
+    if options is not None and not isinstance(options, kind.options_type):
+        raise InputError(
+            f"options of a {type(options).__name__}, and the cell is of kind {kind.name}",
+            remedy=f"give a {kind.options_type.__name__}, or keywords",
+        )
     known = option_names(kind)
     given = {} if options is None else asked_options(options)
     for name in (*keywords, *given):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import COORDINATION_POLICIES, CoordinationEvaluation, evaluate
-from armtempo.envs import CoordinationOptions, Disturbance
+from armtempo.envs import BlendOptions, CoordinationOptions, Disturbance
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import METHODS, BlendCell, CoordinationCell, load_cell
 from armtempo.planners.topp import Mode
@@ -173,6 +173,14 @@ def test_only_options_that_were_given_and_do_not_belong_are_named() -> None:
         run: Any = evaluate  # a policy brings these itself
         with pytest.raises(UnknownNameError, match=next(iter(options))):
             run(load_cell(cell, None), ["random"], **options)
+
+
+def test_the_record_of_another_kind_is_refused(lee1991: CoordinationCell) -> None:
+    run: Any = evaluate
+    with pytest.raises(
+        InputError, match=r"options of a BlendOptions, .* kind coordination \(give a CoordinationOptions"
+    ):
+        run(lee1991, ["delay"], options=BlendOptions(physics="ideal"))
 
 
 def test_a_name_is_no_cell() -> None:

@@ -151,7 +151,7 @@ class ToyKind(Kind[ToyCell, ToyOptions, tuple[Floats, float], ToyResult]):
         if policy == "nobody":
             raise InfeasibleError("there is no such motion")
         made: dict[str, Policy[Floats32, Floats32]] = {
-            "known": Known(0.0), "off": Known(1e-7), "random": RandomPolicy(),
+            "known": Known(0.0), "off": Known(2.0**-23), "random": RandomPolicy(),
         }  # fmt: skip
         self.opened.append(ToyEnv(cell, options))
         return ToyRunner(env=self.opened[-1], policy=made[policy])
