@@ -39,6 +39,7 @@ def cells(
 
 
 def _list(output: Output) -> None:
+    # late: pydantic; --help is to be quick
     from armtempo.configs import AnyCellConfig, CellConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")

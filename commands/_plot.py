@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 
 from armtempo.commands.console import CellName, OutFolder, Output, default_folder, open_cell
+from armtempo.errors import InfeasibleError, UnknownNameError
 
 
 def plot(
@@ -33,7 +34,6 @@ def plot(
     built = open_cell(cell, output)
     from armtempo.commands.figures._write import draw  # late, as the next: matplotlib, and the planners
     from armtempo.commands.plans import PLANS
-    from armtempo.errors import InfeasibleError, UnknownNameError
 
     kind = PLANS[built.config.kind]
     if method is not None and method not in kind.METHODS:

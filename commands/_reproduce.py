@@ -10,6 +10,7 @@ import tyro
 
 from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 from armtempo.commands.papers._reproduction import Reproduction
+from armtempo.errors import UnknownNameError
 
 # Imports inside the functions are late: the papers need the planners and matplotlib, and --help is to be quick.
 
@@ -79,8 +80,6 @@ def reproduce(
             ours; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
     """
-    from armtempo.errors import UnknownNameError
-
     if paper not in PAPERS:
         raise UnknownNameError("paper", paper, tuple(PAPERS))
     from armtempo.commands.figures._write import draw

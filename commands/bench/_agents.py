@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from armtempo.commands.console import DisturbanceName, JsonFile, Names, Output, PhysicsName, Seed, new_table, number
+from armtempo.errors import InputError
 
 if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
@@ -56,7 +57,6 @@ def bench_agents(
         json_file: Write the figures and every makespan there as JSON; "-" for nothing but JSON on stdout.
     """
     from armtempo.agents import compare_on  # late, as the others here: --help is to be quick
-    from armtempo.errors import InputError
     from armtempo.planners import benchmark_instances
 
     chosen = [

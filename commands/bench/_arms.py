@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,7 +42,6 @@ def bench_arms(
     """
     from armtempo.commands.figures._bench import arms_figure  # late, as the others here: --help is to be quick
     from armtempo.commands.figures._style import write_png
-    from armtempo.errors import InputError, UnknownNameError
     from armtempo.planners.instances import PLANNED
 
     for method in methods:
@@ -78,7 +78,6 @@ def _feasible_rings(arms: int, count: int, seed: int) -> Iterator[GeneratedCell]
 
 def _entry(ring: GeneratedCell, arms: int, methods: Sequence[str]) -> dict[str, Any]:
     """What every method makes of a ring."""
-    from armtempo.errors import InfeasibleError
     from armtempo.planners.instances import Instance
 
     planning_time_s: dict[str, float] = {}

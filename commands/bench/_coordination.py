@@ -7,9 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 import tyro
 
 from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from armtempo.planners.instances import BenchResult, Claim
@@ -40,8 +42,7 @@ def bench_coordination(
         json_file: Write every result and the claims there as JSON, units in the keys; "-" for nothing but JSON on
             stdout.
     """
-    from armtempo.errors import InputError, UnknownNameError
-    from armtempo.planners import METHODS, benchmark_instances
+    from armtempo.planners import METHODS, benchmark_instances  # late, as the others here: --help is to be quick
     from armtempo.planners.instances import bench_cell, bench_claims
     from armtempo.planners.schedules import default_engine
 
@@ -112,7 +113,6 @@ def _summary(results: Sequence[BenchResult]) -> dict[str, Any]:
 
 
 def _figures(results: Sequence[BenchResult]) -> dict[str, Any]:
-    import numpy as np
 
     gaps = [r.gap_percent for r in results if r.solved]
     seconds = [r.seconds for r in results]

@@ -45,7 +45,7 @@ class Output:
     """
 
     def __init__(self, json_file: str | None) -> None:
-        from rich.console import Console
+        from rich.console import Console  # late, as the rest of rich here: --help is to be quick
 
         self._json_file = json_file
         self._quiet = json_file == "-"
