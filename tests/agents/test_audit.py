@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.agents import ExecutionPolicy, Policy, make_policy, run_episode
+from armtempo.agents import Actions, ExecutionPolicy, Observations, Policy, make_policy, run_episode
 from armtempo.envs import CoordinationEnv
 from armtempo.planners import METHODS, CoordinationCell, Schedule
 from armtempo.planners.coordination import plan_vci
@@ -41,7 +41,7 @@ def least_distance(cell: CoordinationCell, q: list[np.ndarray], rows: np.ndarray
     return float(least)
 
 
-def audit(cell: CoordinationCell, policy: Policy, late: float) -> float:
+def audit(cell: CoordinationCell, policy: Policy[Observations, Actions], late: float) -> float:
     """The least distance of an executed episode, at ten times the control rate or oftener."""
     env = CoordinationEnv(cell, physics="bullet", master_late_s=late, record=True)
     trace, _ = run_episode(env, policy, 0)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 
-from armtempo.agents import POLICIES, Evaluation, evaluate
+from armtempo.agents import COORDINATION_POLICIES, CoordinationEvaluation, evaluate
+from armtempo.envs import BlendOptions, CoordinationOptions, Disturbance
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell
+from armtempo.planners import METHODS, BlendCell, CoordinationCell, load_cell
 from armtempo.planners.topp import Mode
 
 KEYS = {
@@ -31,27 +33,27 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def bullet(lee1991: CoordinationCell) -> Evaluation:
+def bullet(lee1991: CoordinationCell) -> CoordinationEvaluation:
     return evaluate(lee1991)
 
 
-def test_the_dictionary_is_json_with_every_policy(bullet: Evaluation) -> None:
+def test_the_dictionary_is_json_with_every_policy(bullet: CoordinationEvaluation) -> None:
     content = json.loads(json.dumps(bullet.to_dict(), allow_nan=False))
     assert content["cell"] == "lee1991"
-    assert tuple(content["policies"]) == POLICIES
+    assert tuple(content["policies"]) == COORDINATION_POLICIES
     for numbers in content["policies"].values():
         assert set(numbers) >= KEYS
     assert content["sequential_s"] == pytest.approx(0.572, abs=0.001)
     assert content["lower_bound_s"] <= content["policies"]["optimal"]["plan_makespan_s"]
 
 
-def test_no_gap_is_negative(bullet: Evaluation) -> None:
+def test_no_gap_is_negative(bullet: CoordinationEvaluation) -> None:
     for name, result in bullet.results.items():
         for gap in (result.gap_percent, result.plan_gap_percent):
             assert gap is None or gap >= -0.1, name
 
 
-def test_numbers_are_those_of_the_traces(bullet: Evaluation, lee1991: CoordinationCell) -> None:
+def test_numbers_are_those_of_the_traces(bullet: CoordinationEvaluation, lee1991: CoordinationCell) -> None:
     for name, result in bullet.results.items():
         trace = result.trace
         assert (result.plan_makespan_s is None) == (name not in METHODS)
@@ -75,7 +77,7 @@ def test_numbers_are_those_of_the_traces(bullet: Evaluation, lee1991: Coordinati
     assert bullet.results["phase-plane"].finished == 0
 
 
-def test_saving_is_the_papers(bullet: Evaluation) -> None:
+def test_saving_is_the_papers(bullet: CoordinationEvaluation) -> None:
     for name in ("vci", "delay", "optimal"):
         saving = bullet.results[name].saving_percent
         assert saving is not None
@@ -96,7 +98,7 @@ def test_episodes_seeds_and_progress(lee1991: CoordinationCell) -> None:
     two = evaluate(lee1991, ("random", "delay"), episodes=3, seed=4, physics="ideal", master_late_s=0.12)
     assert calls == [(name, k) for name in ("random", "delay") for k in range(3)]
     assert one.results["delay"].finished == 3
-    assert one.master_late_s == 0.12
+    assert one.options.master_late_s == 0.12
     for name in one.results:
         first, again = one.results[name].to_dict(), two.results[name].to_dict()
         first.pop("planning_time_s")
@@ -112,7 +114,7 @@ def test_episodes_seeds_and_progress(lee1991: CoordinationCell) -> None:
 
 
 @pytest.mark.parametrize("mode", ["speed", "acceleration"])
-def test_ideal_and_bullet_agree(lee1991: CoordinationCell, bullet: Evaluation, mode: Mode) -> None:
+def test_ideal_and_bullet_agree(lee1991: CoordinationCell, bullet: CoordinationEvaluation, mode: Mode) -> None:
     ideal = evaluate(lee1991, ("delay", "vci"), physics="ideal", mode=mode)
     for name, result in ideal.results.items():
         assert result.makespan_s == pytest.approx(bullet.results[name].makespan_s, rel=0.02)
@@ -136,15 +138,52 @@ def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Coo
     assert content["best_online"] in ("delay", "vci")
     best = content["policies"][content["best_online"]]
     assert (best["ratio_to_best_online"], best["ratio_interval"]) == (1.0, [1.0, 1.0])
-    ratio = result.ratio("vci")
-    assert ratio is not None
-    assert ratio[0] == pytest.approx(np.mean(times[1]) / np.mean(times[0])) or content["best_online"] == "vci"
+    ratio = result.results["vci"].ratio_to_best_online
+    assert ratio == pytest.approx(np.mean(times[1]) / np.mean(times[0])) or content["best_online"] == "vci"
     low, high = content["policies"]["vci"]["makespan_interval_s"]
     assert low < content["policies"]["vci"]["makespan_s"] < high
 
 
-def test_options_of_several_arms_are_refused_for_one() -> None:
-    from armtempo.planners import load_cell
+def test_options_are_a_record_or_keywords_or_both(lee1991: CoordinationCell) -> None:
+    options = CoordinationOptions(physics="ideal", master_late_s=0.1)
+    result = evaluate(lee1991, ["delay"], options=options, mode="acceleration")
+    assert result.options == CoordinationOptions(physics="ideal", master_late_s=0.1, mode="acceleration")
+    assert (result.facts["master_late_s"], result.facts["mode"]) == (0.1, "acceleration")
+    assert "disturbance" not in result.to_dict()
 
-    with pytest.raises(InputError, match="disturbance"):
-        evaluate(load_cell("lee2006"), ["random"], disturbance="late")
+
+def test_bodies_can_be_heavier_than_the_plans_believe(lee1991: CoordinationCell) -> None:
+    """As in cells of one arm: the environment has had it all along."""
+    exact, heavy = (evaluate(lee1991, ["delay"], model_error=error) for error in (0.0, 0.1))
+    assert heavy.results["delay"].path_error_max_m > 2.0 * exact.results["delay"].path_error_max_m
+    assert heavy.to_dict()["model_error"] == 0.1
+    assert "model_error" not in exact.to_dict()
+
+
+def test_a_disturbance_of_ones_own_is_told_as_json(lee1991: CoordinationCell) -> None:
+    result = evaluate(lee1991, ["delay"], physics="ideal", disturbance=Disturbance(late_s=(0.1, 0.1)))
+    assert json.loads(json.dumps(result.to_dict()))["disturbance"]["late_s"] == [0.1, 0.1]
+
+
+def test_only_options_that_were_given_and_do_not_belong_are_named() -> None:
+    with pytest.raises(UnknownNameError, match=r"^unknown option of evaluations in blend cells 'shield' \(") as caught:
+        evaluate(load_cell("lee2006", BlendCell), ["line-speed"], shield=True, physics="ideal")  # type: ignore[call-overload]
+    assert caught.value.data["known"] == ["family", "max_episode_s", "model_error", "physics"]
+    for cell, options in (("lee2006", {"profile": "limit-aware"}), ("chung", {"action_mode": "gains"})):
+        run: Any = evaluate  # a policy brings these itself
+        with pytest.raises(UnknownNameError, match=next(iter(options))):
+            run(load_cell(cell, None), ["random"], **options)
+
+
+def test_the_record_of_another_kind_is_refused(lee1991: CoordinationCell) -> None:
+    run: Any = evaluate
+    with pytest.raises(
+        InputError, match=r"options of a BlendOptions, .* kind coordination \(give a CoordinationOptions"
+    ):
+        run(lee1991, ["delay"], options=BlendOptions(physics="ideal"))
+
+
+def test_a_name_is_no_cell() -> None:
+    run: Any = evaluate
+    with pytest.raises(InputError, match=r"needs a built cell, got 'lee1991' \(give one that load_cell returned\)"):
+        run("lee1991")

@@ -12,7 +12,6 @@ from armtempo.agents import (
     BlendEvaluation,
     blend_baseline,
     evaluate,
-    evaluate_blend,
     highest_rate,
     in_blends,
 )
@@ -82,14 +81,14 @@ def test_heavier_bodies_cost_more_where_it_accelerates_more(lee2006: BlendCell) 
 
 
 def test_policies_meet_the_same_random_paths(lee2006: BlendCell) -> None:
-    random = evaluate_blend(
+    random = evaluate(
         lee2006, ("limit-aware", "random"), family="polyline", episodes=2, seed=3, physics="ideal"
     ).results
     first, second = (result.trace.cell.blended.length for result in random.values())
     assert first == second != lee2006.blended.length
     assert random["limit-aware"].finished == 2
     assert random["limit-aware"].normal_acceleration_ratio_max <= 1.0 + 1e-6
-    again = evaluate_blend(lee2006, ("random",), family="polyline", episodes=2, seed=3, physics="ideal").results
+    again = evaluate(lee2006, ("random",), family="polyline", episodes=2, seed=3, physics="ideal").results
     assert again["random"].reward == random["random"].reward
     assert random["random"].plan_duration_s is None
 
@@ -117,9 +116,9 @@ def test_wrong_requests_are_refused(lee1991: CoordinationCell, lee2006: BlendCel
         blend_baseline("limit-aware-smoth")
     with pytest.raises(InputError, match="episodes must be at least 1"):
         evaluate(lee2006, episodes=0)
-    with pytest.raises(InputError, match="are for cells of several arms"):
+    with pytest.raises(UnknownNameError, match="option of evaluations in blend cells 'master_late_s'"):
         evaluate(lee2006, master_late_s=0.1)  # type: ignore[call-overload]
-    with pytest.raises(InputError, match="are for blend cells"):
+    with pytest.raises(UnknownNameError, match="option of evaluations in coordination cells 'family'"):
         evaluate(lee1991, family="zigzag")  # type: ignore[call-overload]
 
 
@@ -129,6 +128,6 @@ def test_plans_and_arrivals_are_of_the_same_episodes(lee2006: BlendCell) -> None
     cell = BlendCell.of(narrow, lee2006.arm, lee2006.segments)
     none = evaluate(cell, ("line-speed",), model_error=0.1).results["line-speed"]
     assert (none.finished, none.plan_duration_s, none.duration_s) == (0, None, None)
-    some = evaluate_blend(cell, ("line-speed",), family="zigzag", episodes=4, model_error=0.1).results["line-speed"]
+    some = evaluate(cell, ("line-speed",), family="zigzag", episodes=4, model_error=0.1).results["line-speed"]
     assert 0 < some.finished < 4
     assert some.plan_duration_s == pytest.approx(some.duration_s, abs=0.03)

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from armtempo.agents import ExecutionPolicy, PhasePlanePolicy, Policy, run_episode, to_action
+from armtempo.agents import Actions, ExecutionPolicy, Observations, PhasePlanePolicy, Policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, Schedule
@@ -33,7 +33,7 @@ def cell(request: pytest.FixtureRequest) -> CoordinationCell:
 class Disturbed:
     """A policy whose arms are held, each with its own pattern, whatever the policy asks of them."""
 
-    def __init__(self, policy: Policy, seed: int) -> None:
+    def __init__(self, policy: Policy[Observations, Actions], seed: int) -> None:
         self.policy, self.seed = policy, seed
 
     def reset(self, seed: int | None = None) -> None:
@@ -53,7 +53,12 @@ class Disturbed:
 
 
 def run(
-    cell: CoordinationCell, policy: Policy, *, physics: Physics = "ideal", mode: Mode = "speed", late: float = 0.0
+    cell: CoordinationCell,
+    policy: Policy[Observations, Actions],
+    *,
+    physics: Physics = "ideal",
+    mode: Mode = "speed",
+    late: float = 0.0,
 ) -> CoordinationTrace:
     env = CoordinationEnv(cell, physics=physics, mode=mode, master_late_s=late, record=True)
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtempo.agents import POLICIES, Observations, Policy, make_policy, run_episode, to_action
+from armtempo.agents import COORDINATION_POLICIES, Actions, Observations, Policy, make_policy, run_episode, to_action
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics
 from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, benchmark_instances, build_cell, schedule
@@ -106,7 +106,7 @@ def test_the_papers_order_of_methods(lee1991: CoordinationCell) -> None:
 class _Disturbed:
     """A policy whose master is held: it brakes for some periods, whatever the policy asks of it."""
 
-    def __init__(self, policy: Policy, periods: range, command: float = 0.0) -> None:
+    def __init__(self, policy: Policy[Observations, Actions], periods: range, command: float = 0.0) -> None:
         self.policy, self.periods, self.command = policy, periods, command
         self.reset()
 
@@ -169,7 +169,7 @@ def test_random_is_seeded(lee1991: CoordinationCell) -> None:
     assert traces[0].lam.shape != traces[2].lam.shape or (traces[0].lam != traces[2].lam).any()
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", COORDINATION_POLICIES)
 def test_a_policy_forgets_the_last_episode(lee1991: CoordinationCell, name: str) -> None:
     env = CoordinationEnv(lee1991, physics="ideal", master_late_s=0.05, record=True)
     policy = make_policy(name, lee1991)
@@ -183,7 +183,7 @@ def test_a_policy_forgets_the_last_episode(lee1991: CoordinationCell, name: str)
     env.close()
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", COORDINATION_POLICIES)
 def test_actions_are_in_the_action_space(lee1991: CoordinationCell, name: str) -> None:
     env = CoordinationEnv(lee1991, physics="ideal")
     policy = make_policy(name, lee1991)

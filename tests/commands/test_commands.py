@@ -31,28 +31,6 @@ POLICY_KEYS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _work_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "120")
-
-
-@pytest.fixture
-def cell_file(tmp_path: Path) -> Callable[..., str]:
-    """Writes the bundled cell, coarse and with replacements, as the user's own file."""
-
-    def write(*replacements: tuple[str, str]) -> str:
-        text = data_path("cells/lee1991.yaml").read_text(encoding="utf-8")
-        for old, new in (("chart_tolerance_m: 0.0001", "chart_tolerance_m: 0.0004"), *replacements):
-            assert old in text
-            text = text.replace(old, new)
-        file = tmp_path / "mine.yaml"
-        file.write_text(text, encoding="utf-8")
-        return str(file)
-
-    return write
-
-
 def load(file: str) -> Any:
     return json.loads(Path(file).read_text(encoding="utf-8"))
 
@@ -62,65 +40,6 @@ def size(file: Path) -> tuple[int, int]:
     picture = imageio.imread(file)
     assert picture.std() > 1.0, f"{file.name} is blank"
     return picture.shape[1], picture.shape[0]
-
-
-def test_plan_compares_all_methods(capsys: pytest.CaptureFixture[str]) -> None:
-    from armtempo.planners import METHODS
-
-    assert main(["plan", "lee1991", "--json", "plan.json"]) == 0
-    out = capsys.readouterr().out
-    assert "certified lower bound 0.327" in out
-    data = load("plan.json")
-    assert tuple(data["methods"]) == METHODS
-    assert all(name in out for name in METHODS)
-    vci = data["methods"]["vci"]
-    assert 0.328 < vci["makespan_s"] < 0.345
-    assert vci["torque_ratio_max"] < 1.001
-    assert vci["min_clearance_m"] > data["d_min_m"]
-    assert vci["certified_free"] is True
-    assert 0.32 < data["lower_bound_s"] < data["methods"]["delay"]["makespan_s"]
-
-
-def test_plan_takes_methods_and_a_control_period(capsys: pytest.CaptureFixture[str]) -> None:
-    line = ["plan", "lee1991", "--methods", "vci", "delay", "--control-period", "0.001", "--json", "-"]
-    assert main(line) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert list(data["methods"]) == ["vci", "delay"]
-    assert data["control_period_s"] == 0.001
-    assert data["methods"]["vci"]["makespan_s"] == pytest.approx(0.342, abs=0.003)
-
-
-@pytest.mark.parametrize("form", ["csv", "json"])
-def test_plan_exports_the_motion_of_every_arm(form: str, capsys: pytest.CaptureFixture[str]) -> None:
-    from armtempo.planners import read_trajectory
-
-    line = ["plan", "lee1991", "--methods", "delay", "sequential", "--export", "out", "--export-format", form]
-    assert main([*line, "--period", "0.002", "--json", "-"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert sorted(path.name for path in Path("out").iterdir()) == [
-        f"{method}-{arm}.{form}" for method in ("delay", "sequential") for arm in ("master", "slave")
-    ]
-    assert sorted(facts["exported"]) == sorted(str(path) for path in Path("out").iterdir())
-    for path in Path("out").iterdir():
-        method, arm = path.stem.split("-")
-        motion = read_trajectory(path)
-        assert motion.joint_names == ("joint_1", "joint_2")
-        assert motion.time[-1] == pytest.approx(facts["methods"][method]["arrival_s"][arm], rel=1e-12)
-        assert motion.time[1] == 0.002
-
-
-def test_plan_says_which_method_has_no_plan(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
-    # At 0.03 m between surfaces the slave may not wait at its start.
-    file = cell_file(("d_min_m: 0.01 ", "d_min_m: 0.03 "))
-    status = main(["plan", file, "--json", "plan.json"])
-    captured = capsys.readouterr()
-    if status == 0:
-        refused = [name for name, entry in load("plan.json")["methods"].items() if "error" in entry]
-        assert refused
-        assert all(f"{name} has no plan" in captured.out for name in refused)
-    else:
-        assert status == 2
-        assert captured.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("physics", ["ideal", "bullet"])
@@ -201,35 +120,6 @@ def test_reproduce_lists_the_paper_beside_ours(capsys: pytest.CaptureFixture[str
     assert [file.name[:4] for file in pictures if file.name.startswith("fig")] == [f"fig{k}" for k in range(1, 9)]
     assert all(min(size(file)) > 400 for file in pictures)
     assert "Pictures in results/lee1991" in capsys.readouterr().out
-
-
-def test_plot_draws_the_plans(cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plot", cell_file(), "--method", "delay"]) == 0
-    pictures = {file.name for file in Path("results/lee1991").glob("*.png")}
-    assert {"workspace.png", "coordination_chart.png", "phase_plane.png", "running_time.png", "torque.png"} <= pictures
-    assert not list(Path("results/lee1991").glob(".*")), "a temporary file was left behind"
-    assert all(size(Path("results/lee1991") / name) for name in pictures)
-    assert "Pictures in" in capsys.readouterr().out
-
-
-def test_record_films_an_episode(capfd: pytest.CaptureFixture[str]) -> None:
-    assert main(["record", "lee1991", "--policy", "delay", "--physics", "ideal", "--out", "film.gif"]) == 0
-    assert imageio.imread("film.gif", index=0).shape == (480, 640, 3)
-    out = capfd.readouterr().out
-    assert "film.gif" in out
-    assert out.count("\n") <= 2, "the renderer's chatter stays out"
-
-
-def test_record_writes_mp4_and_folders_whole(tmp_path: Path) -> None:
-    import numpy as np
-
-    from armtempo.commands._record import write_film
-
-    frames = [np.full((48, 64, 3), shade, dtype=np.uint8) for shade in (0, 100, 200)]
-    write_film(frames, tmp_path / "film.mp4", 12.5)
-    assert (tmp_path / "film.mp4").stat().st_size > 500
-    write_film(frames, tmp_path / "pictures", 12.5)
-    assert len(list((tmp_path / "pictures").iterdir())) == 3
 
 
 def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -317,6 +207,12 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["plan", "lee1919"], ["unknown cell 'lee1919'", "did you mean 'lee1991'"]),
         (["plan", "nowhere.yaml"], ["nowhere.yaml", "no such file"]),
         (["plan", "lee1991", "--methods", "vcii"], ["unknown method 'vcii'", "did you mean 'vci'"]),
+        (["plan", "lee2006", "--methods", "vci"], ["unknown method 'vci'", "limit-aware-smooth"]),
+        (["plan", "chung", "--methods", "vci"], ["unknown method 'vci'", "feedback-ff"]),
+        (
+            ["plan", "lee2006", "--control-period", "0.01"],
+            ["--control-period is for cells of several arms, and lee2006 is of kind blend"],
+        ),
         (["plan", "lee1991", "--control-period", "-1"], ["--control-period", "positive"]),
         (["plan", "lee1991", "--export", "out", "--period", "0"], ["--period", "positive", "try 0.001"]),
         (["plan", "lee1991", "--control-period", "nan"], ["--control-period", "positive"]),
@@ -325,28 +221,42 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["evaluate", "lee1991", "--seed", "-1"], ["--seed"]),
         (["evaluate", "lee1991", "--master-late", "nan"], ["--master-late"]),
         (["evaluate", "lee2006", "--policies", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
-        (["evaluate", "lee2006", "--mode", "acceleration"], ["--mode and --master-late are for cells of several arms"]),
-        (["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"], ["--model-error needs bodies"]),
-        (["evaluate", "lee2006", "--model-error", "-2"], ["model_error must be a share above -1"]),
-        (["evaluate", "lee1991", "--family", "zigzag"], ["--family", "blend cells"]),
-        (["evaluate", "chung", "--policies", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
-        (["evaluate", "chung", "--family", "zigzag"], ["--family zigzag does not exist in ik cells", "near-singular"]),
-        (["evaluate", "lee2006", "--family", "smooth"], ["--family smooth does not exist in blend cells", "zigzag"]),
-        (["evaluate", "chung", "--master-late", "1"], ["--mode and --master-late are for cells of several arms"]),
-        (["plan", "chung"], ["chung.yaml: kind: this is an ik cell, and a coordination cell is needed here"]),
         (
-            ["plot", "chung"],
-            ["(ik cells: armtempo cells, evaluate, reproduce chung; here: a cell of kind coordination"],
+            ["evaluate", "lee1991", "--master-late", "0.1", "0.2", "0.3"],
+            ["--master-late must be one number or the ends"],
         ),
-        (["record", "lee2006"], ["(blend cells: armtempo cells, evaluate, reproduce lee2006; here:"]),
-        (["plan", "lee2006"], ["lee2006.yaml: kind: this is a blend cell, and a coordination cell is needed here"]),
-        (["plot", "lee2006"], ["this is a blend cell"]),
-        (["record", "lee2006"], ["this is a blend cell"]),
+        (["evaluate", "lee1991", "--start-phase", "0.3", "0.1"], ["--start-phase must be a number or a range"]),
+        (["evaluate", "lee1991", "--disturbance", "lat"], ["unknown disturbance 'lat'", "did you mean 'late'"]),
+        (["evaluate", "lee1991", "--physics", "mujoco"], ["unknown physics 'mujoco'", "bullet, ideal"]),
+        (
+            ["evaluate", "lee2006", "--mode", "acceleration"],
+            ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --episodes, --family"],
+        ),
+        (
+            ["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"],
+            ["--model-error is 0.1 and physics 'ideal', which has no bodies (take --physics='bullet', or"],
+        ),
+        (["evaluate", "lee2006", "--model-error", "-2"], ["--model-error must be a share above -1"]),
+        (["evaluate", "lee1991", "--family", "zigzag"], ["in coordination cells '--family'"]),
+        (["evaluate", "lee1991", "--sheild"], ["did you mean '--shield'?"]),
+        (["evaluate", "chung", "--policies", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
+        (["evaluate", "chung", "--family", "zigzag"], ["unknown family of targets 'zigzag'", "near-singular"]),
+        (["evaluate", "lee2006", "--family", "smooth"], ["unknown family of paths 'smooth'", "zigzag"]),
+        (["evaluate", "chung", "--master-late", "1"], ["in ik cells '--master-late'"]),
         (["reproduce", "lee1990"], ["unknown paper 'lee1990'", "lee1991"]),
         (["plot", "lee1991", "--method", "fast"], ["unknown method 'fast'", "known:"]),
+        (["plot", "lee2006", "--method", "vci"], ["unknown method 'vci'", "line-speed"]),
+        (["plot", "chung", "--method", "vci"], ["unknown method 'vci'", "newton"]),
         (["record", "lee1991", "--out", "film.avi"], ["film format '.avi'", ".mp4 or .gif"]),
         (["record", "lee1991", "--slow", "0"], ["--slow"]),
         (["record", "lee1991", "--policy", "nobody"], ["unknown policy 'nobody'"]),
+        (["record", "lee2006", "--policy", "vci"], ["unknown policy 'vci'", "limit-aware-smooth"]),
+        (["record", "chung", "--policy", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
+        (["record", "lee2006", "--shield"], ["unknown option of armtempo record in blend cells '--shield'"]),
+        (["record", "chung", "--master-late", "1"], ["in ik cells '--master-late'"]),
+        (["record", "lee2006", "--policy", "ppo:lee1991"], ["an agent of coordination, not of blend-tracking"]),
+        (["record", "lee1991", "--policy", "ppo:feedback-ik"], ["an agent of feedback-ik, not of coordination"]),
+        (["record", "chung", "--policy", "ppo:nobody"], ["unknown agent 'ppo:nobody'"]),
     ],
 )
 def test_wrong_names_and_values_are_told(line: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -408,11 +318,11 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
         (
             "evaluate",
             "Run policies in the simulated cell",
-            ["--episodes N", "--seed K", "--master-late S", "--out DIR"],
+            ["--episodes N", "--seed K", "--out DIR", '"armtempo evaluate CELL --help" lists them'],
         ),
         ("reproduce", "Compute every table value", ["PAPER", "--json FILE"]),
-        ("plot", "Draw a cell and its plans", ["--method NAME", "(default: vci)"]),
-        ("record", "Film one episode", ["--slow X", ".mp4", ".gif", "(default: 20.0)"]),
+        ("plot", "Draw a cell and its plans", ["--method NAME", "(default: vci; of one arm all)"]),
+        ("record", "Film one episode", ["--slow X", ".mp4", ".gif", "(default: 20, of a blend cell 4"]),
         ("cells", "List the cells", ["[CELL]"]),
     ],
 )
@@ -424,11 +334,43 @@ def test_help_explains(command: str, first_line: str, words: list[str], capsys: 
         assert word in out
 
 
-def test_help_names_all_methods_and_policies(capsys: pytest.CaptureFixture[str]) -> None:
-    from armtempo.agents import POLICIES
-    from armtempo.planners import METHODS
+@pytest.mark.parametrize(
+    ("cell", "own", "foreign"),
+    [
+        (
+            "lee1991",
+            ["--master-late S [S]", "--shield", "--disturbance NAME", "--mode {speed,acceleration}"],
+            "--family",
+        ),
+        ("lee2006", ["--family {given,polyline,zigzag,line-arc}", "--model-error X", "limit-aware-smooth"], "--shield"),
+        ("chung", ["--family {given,smooth,near-singular,partly-unreachable}", "feedback-damped"], "--profile"),
+    ],
+)
+def test_help_of_evaluate_lists_the_options_of_the_cells_kind(
+    cell: str, own: list[str], foreign: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["evaluate", cell, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "Run policies in the simulated cell" in out
+    assert all(word in out for word in (*own, "CELL", "--episodes N", "--physics {bullet,ideal}"))
+    assert foreign not in out
 
-    for command, names in (("plan", METHODS), ("plot", METHODS), ("evaluate", POLICIES), ("record", POLICIES)):
+
+def test_flags_may_come_before_the_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["evaluate", "--physics", "ideal", "--shield", "--no-figures", "lee1991", "--policies", "delay"]
+    assert main([*line, "--master-late", "0.01", "0.02", "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["physics"], data["shield"], data["master_late_s"]) == ("ideal", True, [0.01, 0.02])
+
+
+def test_help_names_all_methods_and_policies(capsys: pytest.CaptureFixture[str]) -> None:
+    from armtempo.agents import BLEND_POLICIES, COORDINATION_POLICIES, IK_POLICIES
+    from armtempo.planners import METHODS
+    from armtempo.planners.cells import PROFILES
+
+    methods = (*METHODS, *PROFILES, "limit-aware-smooth", "law", "feedback", "feedback-ff", "newton")
+    policies = (*COORDINATION_POLICIES, *BLEND_POLICIES, *IK_POLICIES)
+    for command, names in (("plan", methods), ("plot", methods), ("evaluate", policies), ("record", policies)):
         assert main([command, "--help"]) == 0
         out = capsys.readouterr().out
         assert all(name in out for name in names), command

@@ -81,12 +81,12 @@ def test_the_jump_at_a_blend_is_that_of_the_curvature() -> None:
 
 
 def test_errors_too_small_to_draw_are_written(lee2006: BlendCell) -> None:
-    from armtempo.agents import evaluate_blend
+    from armtempo.agents import evaluate
     from armtempo.commands.figures._blend import blended_path
 
     for error in (0.0, 0.1):
         written = error == 0.0
-        result = evaluate_blend(lee2006, ("line-speed",), model_error=error).results["line-speed"]
+        result = evaluate(lee2006, ("line-speed",), model_error=error).results["line-speed"]
         figure = blended_path(lee2006, {"line-speed": result.trace})
         texts = [text.get_text() for text in figure.axes[1].texts]
         assert ("line-speed" in texts) == written

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, new_table, number
+from armtempo.commands.console import DisturbanceName, JsonFile, Names, Output, PhysicsName, Seed, new_table, number
+from armtempo.errors import InputError
 
 if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
@@ -14,18 +16,28 @@ if TYPE_CHECKING:
 DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal", "ppo:generalist")
 
 
+@dataclass(frozen=True, kw_only=True)
+class CellChoice:
+    """Which cells of the benchmark set."""
+
+    split: Literal["train", "validation", "test"] = "test"
+    """Which part of the set."""
+
+    priority_class: Annotated[Literal["mixed", "uniform", "all"], tyro.conf.arg(name="class")] = "all"
+    """Cells in which the same arm goes first everywhere in the optimum (uniform), or not (mixed)."""
+
+    family: Literal["planar", "panda", "iiwa", "all"] = "planar"
+    """Kind of arms."""
+
+
 def bench_agents(
     *,
-    split: Literal["train", "validation", "test"] = "test",
-    priority_class: Annotated[Literal["mixed", "uniform", "all"], tyro.conf.arg(name="class")] = "all",
-    family: Literal["planar", "panda", "iiwa", "all"] = "planar",
-    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = DEFAULT_POLICIES,
-    disturbance: Annotated[
-        Literal["none", "late", "slow", "stop-and-go", "any"], tyro.conf.arg(metavar="NAME")
-    ] = "none",
+    choice: Annotated[CellChoice, tyro.conf.arg(name="")] = CellChoice(),
+    policies: Names = DEFAULT_POLICIES,
+    disturbance: DisturbanceName = "none",
     episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 1,
-    seed: Annotated[int, tyro.conf.arg(metavar="K")] = 0,
-    physics: Literal["bullet", "ideal"] = "ideal",
+    seed: Seed = 0,
+    physics: PhysicsName = "ideal",
     json_file: JsonFile = None,
 ) -> None:
     """Run policies in the feasible cells of a split, all under the shield, and compare their makespans.
@@ -35,9 +47,7 @@ def bench_agents(
     to who knows beforehand what happens to the first arm.
 
     Args:
-        split: Which part of the set.
-        priority_class: Cells in which the same arm goes first everywhere in the optimum (uniform), or not (mixed).
-        family: Kind of arms.
+        choice: Which cells.
         policies: delay, vci, full-speed, optimal (the plan of the undisturbed cell, executed by precedence), and
             learned agents as ppo:NAME or ppo:FILE.npz.
         disturbance: What happens to the first arm: it starts late, is slow, stops and goes.
@@ -46,17 +56,18 @@ def bench_agents(
         physics: "ideal" moves the arms exactly as commanded, "bullet" simulates torque control.
         json_file: Write the figures and every makespan there as JSON; "-" for nothing but JSON on stdout.
     """
-    from armtempo.agents import compare_on
-    from armtempo.errors import InputError
+    from armtempo.agents import compare_on  # late, as the others here: --help is to be quick
     from armtempo.planners import benchmark_instances
 
     chosen = [
         one
-        for one in benchmark_instances(split, family=None if family == "all" else family)
-        if one.labels.status == "feasible" and priority_class in ("all", one.labels.priority_class)
+        for one in benchmark_instances(choice.split, family=None if choice.family == "all" else choice.family)
+        if one.labels.status == "feasible" and choice.priority_class in ("all", one.labels.priority_class)
     ]
     if not chosen:
-        raise InputError(f"the {split} split has no feasible {priority_class} cell of {family} arms")
+        raise InputError(
+            f"the {choice.split} split has no feasible {choice.priority_class} cell of {choice.family} arms"
+        )
     output = Output(json_file)
     with output.progress("Simulating", len(chosen)) as (progress, task):
 
@@ -68,11 +79,12 @@ def bench_agents(
             disturbance=None if disturbance == "none" else disturbance, on_cell=on_cell,
         )  # fmt: skip
     figures = {name: compared.figures(name) for name in policies}
-    _show(compared, figures, f"{split}, {priority_class}, {family}, {physics}, disturbance {disturbance}", output)
+    which = f"{choice.split}, {choice.priority_class}, {choice.family}"
+    _show(compared, figures, f"{which}, {physics}, disturbance {disturbance}", output)
     output.json(
         {
-            "split": split, "class": priority_class, "family": family, "physics": physics, "disturbance": disturbance,
-            "episodes": episodes, "seed": seed, "policies": figures,
+            "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
+            "disturbance": disturbance, "episodes": episodes, "seed": seed, "policies": figures,
             "cells": [
                 {
                     "cell": one.cell, "class": one.priority_class, "best_online": one.best_online,

@@ -1,31 +1,30 @@
-"""``armtempo bench``: planning methods on the benchmark set, and their time against the number of arms."""
+"""``armtempo bench coordination``: planning methods on the benchmark set, audited."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 import tyro
 
-from armtempo.commands._bench_agents import bench_agents
-from armtempo.commands.console import JsonFile, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from armtempo.planners.instances import BenchResult, Claim
 
 Family = Literal["planar", "panda", "iiwa"]  # of the benchmark set
 DEFAULT_METHODS = ("sequential", "delay", "offset", "vci", "interval", "optimal")
-ARMS_METHODS = ("delay", "interval", "optimal")
 
 
 def bench_coordination(
     *,
     split: Literal["train", "validation", "test", "all"] = "test",
     families: Annotated[tuple[Family, ...], tyro.conf.arg(help_behavior_hint="(default: all)")] = (),
-    methods: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = DEFAULT_METHODS,
+    methods: Names = DEFAULT_METHODS,
     limit: Annotated[int | None, tyro.conf.arg(metavar="K", help_behavior_hint="(default: all)")] = None,
     audit: Literal["auto", "coal", "pybullet", "none"] = "auto",
     json_file: JsonFile = None,
@@ -43,8 +42,7 @@ def bench_coordination(
         json_file: Write every result and the claims there as JSON, units in the keys; "-" for nothing but JSON on
             stdout.
     """
-    from armtempo.errors import InputError, UnknownNameError
-    from armtempo.planners import METHODS, benchmark_instances
+    from armtempo.planners import METHODS, benchmark_instances  # late, as the others here: --help is to be quick
     from armtempo.planners.instances import bench_cell, bench_claims
     from armtempo.planners.schedules import default_engine
 
@@ -115,7 +113,6 @@ def _summary(results: Sequence[BenchResult]) -> dict[str, Any]:
 
 
 def _figures(results: Sequence[BenchResult]) -> dict[str, Any]:
-    import numpy as np
 
     gaps = [r.gap_percent for r in results if r.solved]
     seconds = [r.seconds for r in results]
@@ -164,108 +161,3 @@ def _show(
                 shown("; ".join(words)) or "–",
             )
         output.table(table)
-
-
-def bench_arms(
-    *,
-    most: int = 6,
-    count: int = 5,
-    seed: int = 1,
-    methods: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")] = ARMS_METHODS,
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("results/bench-arms.png"),
-    json_file: JsonFile = None,
-) -> None:
-    """Plan rings of 2, 3, ... planar arms whose paths cross in the middle, and plot the planning time over the arms.
-
-    Args:
-        most: The most arms, up to 8.
-        count: Rings of each size: the first ones of the generator that are feasible.
-        seed: The generator's.
-        methods: Of delay, offset, vci, interval, optimal; those that go by priority take the arms as they stand.
-        out: The plot, a PNG.
-        json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
-    """
-    import time
-
-    import numpy as np
-
-    from armtempo.commands.figures._bench import arms_figure
-    from armtempo.commands.figures._style import write_png
-    from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-    from armtempo.planners import generate_cell
-    from armtempo.planners.instances import PLANNED_METHODS, Instance
-
-    for method in methods:
-        if method not in PLANNED_METHODS:
-            raise UnknownNameError("method", method, PLANNED_METHODS)
-    if not 2 <= most <= 8 or count < 1:
-        raise InputError(f"--most must be 2 to 8 and --count positive, got {most} and {count}")
-    output = Output(json_file)
-    entries: list[dict[str, Any]] = []
-    with output.progress("Planning", (most - 1) * count) as (progress, task):
-        for arms in range(2, most + 1):
-            index = kept = 0
-            while kept < count:
-                progress.update(task, description=f"Planning {arms} arms")
-                ring = generate_cell("ring", seed, index, arms=arms)
-                index += 1
-                if ring.labels.status != "feasible":
-                    continue
-                kept += 1
-                entry: dict[str, Any] = {
-                    "arms": arms,
-                    "cell": ring.cell.name,
-                    "class": ring.labels.priority_class,
-                    "lower_bound_s": ring.labels.lower_bound,
-                    "sequential_s": ring.cell.sequential_makespan,
-                    "planning_time_s": {},
-                    "makespan_s": {},
-                    "refused": {},
-                }
-                for method in methods:
-                    fresh = Instance.of(ring.cell, ring.labels)  # nothing that another method found helps
-                    _ = fresh.timing.bound, fresh.timing.fastest
-                    start = time.perf_counter()
-                    try:
-                        motions = fresh.plan(method)
-                        entry["makespan_s"][method] = max(motion.duration for motion in motions)
-                    except InfeasibleError as refusal:
-                        entry["refused"][method] = str(refusal.data.get("reason") or refusal.message)
-                    entry["planning_time_s"][method] = time.perf_counter() - start
-                entries.append(entry)
-                progress.advance(task)
-    table = new_table(f"Rings of planar arms ({count} feasible ones per size)", "median; phase planes and charts ready")
-    table.add_column("arms", justify="right")
-    for method in methods:
-        table.add_column(f"{method}\nplanned in \\[s]", justify="right")
-        table.add_column("solved", justify="right")
-        table.add_column("gap \\[%]", justify="right")
-    for arms in range(2, most + 1):
-        own = [entry for entry in entries if entry["arms"] == arms]
-        row = [str(arms)]
-        for method in methods:
-            gaps = [
-                100.0 * (e["makespan_s"][method] / e["lower_bound_s"] - 1.0) for e in own if method in e["makespan_s"]
-            ]
-            row += [
-                number(float(np.median([e["planning_time_s"][method] for e in own])), 3),
-                f"{len(gaps)}/{len(own)}",
-                number(float(np.median(gaps)) if gaps else None, 1),
-            ]
-        table.add_row(*row)
-    output.table(table)
-    write_png(arms_figure(entries, methods), out)
-    output.say(f"Picture: {shown(out)}")
-    output.json({"seed": seed, "count": count, "rings": entries})
-
-
-def bench() -> None:
-    """Benchmarks: coordination (all methods on a set of cells), arms (planning time over their number), agents."""
-    # for the list of commands; main dispatches the line itself
-
-
-BENCHES: dict[str, Callable[..., None]] = {
-    "coordination": bench_coordination,
-    "arms": bench_arms,
-    "agents": bench_agents,
-}
