@@ -182,7 +182,7 @@ sys.stdout.write(digest.hexdigest())
 
 
 def test_two_processes_run_the_same_episodes() -> None:
-    command = [sys.executable, "-c", _SCRIPT, str(Path(__file__).parents[1])]
+    command = [sys.executable, "-c", _SCRIPT, str(Path(__file__).parents[2])]
     runs = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(2)]
     assert runs[0] == runs[1]
     assert len(runs[0]) == 64
