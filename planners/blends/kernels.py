@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.planners.blends._kernels_all import PackedPath, blended_point
+from armtempo.planners.blends._path_kernels import PackedPath, blended_point
 
 __all__ = [
     "PackedPath",

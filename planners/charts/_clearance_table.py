@@ -12,8 +12,7 @@ from armtempo.cache import Arrays, cached, content_key
 from armtempo.planners.charts._arm_sweep import world_axes
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.robots import Arm, Bodies, njit, pack_bodies, separation
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, Bodies, kernels, njit, pack_bodies, separation
 
 NODES = 513
 VERSION = 1  # of the content: raise it when the same input may get another table

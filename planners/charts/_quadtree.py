@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.charts._arm_sweep import ArmSweep
-from armtempo.robots import Bodies, njit, pack_bodies, separation
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Bodies, kernels, njit, pack_bodies, separation
 
 States = NDArray[np.uint8]
 

@@ -23,7 +23,7 @@ from armtempo.planners.coordination._start_delays import delayed, offset, start_
 from armtempo.planners.coordination._stop_and_go import stop_and_go
 from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
-from armtempo.planners.topp import EXCESS, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhaseTrajectory
 
 CLOSE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
 WORTH = 1e-4  # smallest gain of a round of best responses, as a share of the makespan
@@ -245,7 +245,7 @@ def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
         slow = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
         if slow is not None:
             # its parts are solved on grids of their own
-            if max(motion.certificate.excess for motion in slow) <= EXCESS:
+            if max(motion.certificate.excess for motion in slow) <= LIMIT_EXCESS_MAX:
                 take(slow)
             take(improved(problem, improved(problem, slow, COARSE), FULL))
     if best is not None and not enough_found():

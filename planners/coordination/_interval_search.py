@@ -19,7 +19,7 @@ from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError
 from armtempo.planners.coordination._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
 from armtempo.planners.coordination._time_windows import Occupancy, Runs, forbidden_windows
-from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
@@ -132,7 +132,7 @@ class IntervalSearch:
         for _ in range(4):
             motion = self._search(first, start, stop, horizon, stages, self._reserved(reserve))
             excess = motion.certificate.excess
-            if excess <= EXCESS:
+            if excess <= LIMIT_EXCESS_MAX:
                 return motion
             reserve = 1.0 - (1.0 - reserve) * (1.0 - 1.5 * excess)
         raise InfeasibleError(

@@ -54,7 +54,7 @@ from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners.charts import FREE, HERE, CoordinationChart
 from armtempo.planners.coordination._guard import MARGIN, horizon, largest_behind, places, stays_behind, step
 from armtempo.planners.topp import Mode, PhasePlane, PhaseTrajectory
-from armtempo.planners.topp.kernels import Edges, Rows
+from armtempo.planners.topp.kernels import STATION
 from armtempo.robots import njit
 
 FINEST_CHECK = 0.0001  # [s] C is asked at least this often
@@ -65,8 +65,7 @@ AHEAD = 2  # checks by which the slave must have left before the master comes, t
 
 @njit
 def _replay(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     state: Floats,
     command: Floats,
     first: int,
@@ -80,7 +79,7 @@ def _replay(
     scratch = np.empty((2, checks))
     for k in range(first, last + 1):
         state[k + 1, 0], state[k + 1, 1], state[k + 1, 2], safe = step(
-            rows, edges, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch
+            steps, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch
         )
         if not safe:
             return False
@@ -89,8 +88,7 @@ def _replay(
 
 @njit
 def control_intervals(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     state: Floats,
     command: Floats,
     by_speed: bool,
@@ -107,19 +105,19 @@ def control_intervals(
     ``history`` (C, 4): of the first C corrections the step of the collision, first step of the VCI, adjusted step,
     its command.
     """
-    end = rows.station[-1]
+    end = steps[-1, STATION]
     k = 0
     while k < command.shape[0]:
         if state[k, 0] >= end:
             return k
         command[k] = 1.0
-        if not _replay(rows, edges, state, command, k, k, by_speed, dt, checks, limit):
+        if not _replay(steps, state, command, k, k, by_speed, dt, checks, limit):
             first = k
             while True:  # steps 1-4: the shortest interval of braking that avoids the collision
                 command[first] = 0.0
                 for later in range(first + 1, k + 1):
                     command[later] = 0.0
-                if _replay(rows, edges, state, command, first, k, by_speed, dt, checks, limit):
+                if _replay(steps, state, command, first, k, by_speed, dt, checks, limit):
                     break
                 if first == 0:
                     return -1 - k
@@ -127,23 +125,21 @@ def control_intervals(
             adjusted = k
             while True:  # steps 2-5: use the room that is left
                 command[adjusted] = 1.0
-                if adjusted == first or not _replay(
-                    rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit
-                ):
+                if adjusted == first or not _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                     break
                 adjusted -= 1
             low, high = 0.0, 1.0
-            if _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit):
+            if _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                 low = 1.0
             else:
                 for _ in range(BISECTIONS):
                     command[adjusted] = 0.5 * (low + high)
-                    if _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit):
+                    if _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                         low = command[adjusted]
                     else:
                         high = command[adjusted]
             command[adjusted] = low
-            _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit)
+            _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit)
             done = int(count[0])
             if done < history.shape[0]:
                 history[done, 0], history[done, 1], history[done, 2], history[done, 3] = k, first, adjusted, low
@@ -269,7 +265,7 @@ class VelocityControl:
     def _run(self, plane: PhasePlane, lam: float, mu: float, commands: Floats, count: int, mode: Mode) -> Floats:
         """(count,) places at the beginning of every check."""
         out = np.empty(count)
-        places(plane.rows, plane.edges, lam, mu, commands, mode == "speed", self.period, self.checks, out)
+        places(plane.edges.steps, lam, mu, commands, mode == "speed", self.period, self.checks, out)
         return out
 
     def plan(self, masters: Sequence[PhaseTrajectory], lam: float = 0.0, mu: float = 0.0) -> VciPlan:
@@ -332,7 +328,7 @@ class VelocityControl:
         counts = np.zeros(4)
         history = np.empty((most if record else 0, 4))
         steps = int(control_intervals(
-            self.slave.rows, self.slave.edges, state, commands, self.mode == "speed", self.period, self.checks,
+            self.slave.edges.steps, state, commands, self.mode == "speed", self.period, self.checks,
             limit, counts, history,
         ))  # fmt: skip
         return -1 - steps if steps < 0 else (commands[:steps].copy(), counts, history)
@@ -391,15 +387,13 @@ class VelocityControl:
         if not any(regions.any() for regions in live):
             return command
         limit = np.min(limits, axis=0) - MARGIN
-        as_wanted = stays_behind(
-            slave.rows, slave.edges, lam, mu, command, -1.0, by_speed, self.period, self.checks, limit
-        )
+        as_wanted = stays_behind(slave.edges.steps, lam, mu, command, -1.0, by_speed, self.period, self.checks, limit)
         if as_wanted:
             return command
         if self._can_leave(lam, mu, masters, column, live):
             return 1.0
         loose = limit + ROUNDING * slave.length
-        if not stays_behind(slave.rows, slave.edges, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
+        if not stays_behind(slave.edges.steps, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
             if limit.min() >= 0.0:
                 return 0.0  # a hair too far: stop
             # nowhere to wait in some regions: as planned there, and behind the masters in all others
@@ -408,9 +402,7 @@ class VelocityControl:
                 for regions, below, at in zip(self._regions, live, column, strict=True)
             ]
             limit = np.min(limits, axis=0) - MARGIN
-        return float(
-            largest_behind(slave.rows, slave.edges, lam, mu, command, by_speed, self.period, self.checks, limit)
-        )
+        return float(largest_behind(slave.edges.steps, lam, mu, command, by_speed, self.period, self.checks, limit))
 
     def _can_leave(
         self,
@@ -435,7 +427,7 @@ class VelocityControl:
             below[m][k] = False
             limit = np.min([r.limit(b, c) for r, b, c in zip(self._regions, below, braking, strict=True)], axis=0)
             if stays_behind(
-                slave.rows, slave.edges, lam, mu, 1.0, end, self.mode == "speed", self.period, self.checks,
+                slave.edges.steps, lam, mu, 1.0, end, self.mode == "speed", self.period, self.checks,
                 limit - MARGIN,
             ):  # fmt: skip
                 return True

@@ -165,8 +165,7 @@ def load_instance(file: str | Path) -> Instance:
 def _instance(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Instance:
     planes, motions = [], []
     for i, mu_end in enumerate(head["mu_end"]):
-        dynamics = PathDynamics(*(arrays[f"arm{i}_{name}"] for name in COEFFICIENTS))
-        dynamics.joints = head["joints"][i]
+        dynamics = PathDynamics(*(arrays[f"arm{i}_{name}"] for name in COEFFICIENTS)).with_joints(head["joints"][i])
         planes.append(PhasePlane(dynamics, mu_end))
         lam, mu, time = (arrays[f"arm{i}_bound_{name}"] for name in ("lam", "mu", "time"))
         bound = PhaseTrajectory(lam=lam, mu=mu, time=time, dynamics=dynamics, mu_end=mu_end)

@@ -12,7 +12,7 @@ from armtempo.planners.cells import CoordinationCell
 from armtempo.planners.coordination import BrakingGuard
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
-from armtempo.planners.topp.kernels import Edges, Rows, run
+from armtempo.planners.topp.kernels import STATION, advance
 from armtempo.robots import njit
 
 NEAR = 1e-6  # of a path: places are known to this (observations are float32)
@@ -40,17 +40,16 @@ def checks_per_period(cell: CoordinationCell) -> int:
 
 @njit
 def foresee(
-    edges: Edges, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
+    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
 ) -> tuple[float, float, float]:
     """Place and speed after ``ticks`` under one command, as in the environments, and the time used until arrival."""
     none = np.empty(0)
-    return run(edges.steps, lam, mu, command, by_speed, tick, ticks, none, none)
+    return advance(steps, lam, mu, command, by_speed, tick, ticks, none, none)
 
 
 @njit
 def _command_to(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     by_speed: bool,
@@ -61,16 +60,16 @@ def _command_to(
     near: float,
 ) -> float:
     """The largest command that leads neither past ``target`` nor to the end before ``earliest`` [s] have passed."""
-    reached, _, used = foresee(edges, lam, mu, 1.0, by_speed, tick, ticks)
-    if reached <= target and (reached < rows.station[-1] or used >= earliest):
+    reached, _, used = foresee(steps, lam, mu, 1.0, by_speed, tick, ticks)
+    if reached <= target and (reached < steps[-1, STATION] or used >= earliest):
         return 1.0
     if mu <= 0.0 and target <= lam + 2.0 * near:
         return 0.0
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        reached, _, used = foresee(edges, lam, mu, middle, by_speed, tick, ticks)
-        if reached <= target and (reached < rows.station[-1] or used >= earliest):
+        reached, _, used = foresee(steps, lam, mu, middle, by_speed, tick, ticks)
+        if reached <= target and (reached < steps[-1, STATION] or used >= earliest):
             low = middle
         else:
             high = middle
@@ -121,7 +120,7 @@ class ScheduleExecution:
             target = float(motion.at(clock[i] + self._period)[0]) + self._near[i]
             earliest = motion.duration - clock[i] - 1e-6 * motion.duration
             command = _command_to(
-                plane.rows, plane.edges, lam[i], mu[i], self.mode == "speed", self._tick, self._ticks, target, earliest,
+                plane.edges.steps, lam[i], mu[i], self.mode == "speed", self._tick, self._ticks, target, earliest,
                 self._near[i],
             )  # fmt: skip
             out[i] = self._guard.guarded(i, command, float(lam[i]), float(mu[i]), braking)

@@ -35,7 +35,7 @@ from armtempo.planners.coordination import (
     plan_vci,
     prioritised,
 )
-from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhasePlane, PhaseTrajectory
 
 AUDIT_PERIOD = 0.0002  # [s] between FCL distances in a certificate
 
@@ -239,7 +239,7 @@ def _vci(cell: CoordinationCell, order: tuple[int, ...], period: float) -> Sched
         if not cell.timing.is_free(motions):
             raise InfeasibleError(f"velocity control's motions in {cell.name!r} are not certified free")
         # its commands are not searched on the grid that the limits were refined for
-        if any(motion.certificate.excess > EXCESS for motion in motions):
+        if any(motion.certificate.excess > LIMIT_EXCESS_MAX for motion in motions):
             raise InfeasibleError("velocity control's motions exceed a limit between stations", reason="grid")
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way

@@ -79,7 +79,7 @@ class VciExecution:
                 out[i] = slave.control.guarded(wanted, *states[i], [states[j] for j in slave.before])
         for i, plane in enumerate(cell.planes):
             self._expected[i] = foresee(
-                plane.edges, *states[i], out[i], self.mode == "speed", cell.physics_tick,
+                plane.edges.steps, *states[i], out[i], self.mode == "speed", cell.physics_tick,
                 cell.ticks_per_period,
             )[0]  # fmt: skip
         return out

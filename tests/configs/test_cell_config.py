@@ -178,7 +178,7 @@ BAD: dict[str, tuple[Edit, str, str]] = {
         "arms[1].path.segments[0].arc.to",
         "unknown key (did you mean 'to_m'? known: to_m, center_m, via_m, turn, normal)",
     ),
-    "unlike any key": (top({"zzz": 1}), "zzz", "unknown key (known: kind, name, description, d_min_m"),
+    "unlike any key": (top({"zzz": 1}), "zzz", "unknown key (known: kind, name, description, physics_tick_s"),
     "missing": (drop("d_min_m"), "d_min_m", "missing (add it: Smallest distance allowed between the surfaces"),
     "missing kind": (drop("kind"), "kind", "missing (add it: What the cell is for)"),
     "text for a number": (top({"d_min_m": "0.01"}), "d_min_m", "must be a number, got '0.01' (Smallest distance"),

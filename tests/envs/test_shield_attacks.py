@@ -19,7 +19,7 @@ from armtempo.envs import (
 from armtempo.envs.coordination.shield._kernels import stops_before
 from armtempo.envs.coordination.world._world import World, steps_of
 from armtempo.planners import CoordinationCell, CoordinationChart, benchmark_instances, build_cell, load_cell
-from armtempo.planners.topp import _kernels_all as phase_kernels
+from armtempo.planners.topp import kernels as phase_kernels
 
 PARTS = 64  # of a tick, in each of which the arms sweep a box of the chart
 FULL = np.ones(1, dtype=np.float32)
@@ -57,7 +57,7 @@ def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: in
     """Places of one period, so many to a tick that the arms hardly move from one to the next."""
     out, speeds = np.empty(PARTS * ticks), np.empty(PARTS * ticks)
     tick = world.tick / PARTS
-    phase_kernels.run(steps_of(world, i), lam, mu, command, world.by_speed, tick, PARTS * ticks, out, speeds)
+    phase_kernels.advance(steps_of(world, i), lam, mu, command, world.by_speed, tick, PARTS * ticks, out, speeds)
     return np.concatenate([[lam], out])
 
 
@@ -73,13 +73,13 @@ def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureReq
         steps, holdable, braked, before = steps_of(world, i), tables.holdable[i], tables.braked[i], tables.before[i]
         for _ in range(1500):
             lam = rng.uniform(0.0, 0.9) * path.length
-            mu = rng.uniform(0.2, 1.0) * phase_kernels.edge_speed(plane.rows, plane.edges, lam)
+            mu = rng.uniform(0.2, 1.0) * phase_kernels.edge_speed(plane.edges.steps, lam)
             limit = rng.uniform(lam, path.length)
             if not stops_before(steps, holdable, braked, before, lam, mu, limit, world.tick):
                 continue
             said += 1
             while mu > 0.0 and lam < path.length:
-                lam, mu, _ = phase_kernels.run(steps, lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds)
+                lam, mu, _ = phase_kernels.advance(steps, lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds)
             assert lam <= limit
     assert said > 500
 

@@ -72,7 +72,7 @@ def test_the_inverse_of_the_length_is_exact(phi: float, ratio: float, curve: str
 
 
 def parameter(made: Blend, s: float) -> float:
-    from armtempo.planners.blends._kernels_all import curve_parameter
+    from armtempo.planners.blends._path_kernels import curve_parameter
 
     return curve_parameter(made.packed, 0, s)
 

@@ -320,7 +320,7 @@ def test_through_a_singular_wrist() -> None:
 def test_a_straight_wrist_is_no_end_of_the_workspace(alone: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Axes 4 and 6 come into line within the reach: the damped tracker gets there, but slowly. Two things tell."""
     if alone == "closed form":
-        monkeypatch.setattr("armtempo.planners.joint_paths._cartesian_joint_path.FALLING", 1.0)
+        monkeypatch.setattr("armtempo.planners.joint_paths._cartesian_joint_path.FALLING_SHARE", 1.0)
     else:
         monkeypatch.setattr(CartesianJointPath, "_in_closed_form", lambda *_: False)
     free = [None, None, None, (-6.0, 6.0), None, (-6.0, 6.0)]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 
 from armtempo.cache import cache_folder, cached, content_key
@@ -99,17 +101,15 @@ def test_a_folder_that_cannot_be_written(
 
 
 def test_where_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("ARMTEMPO_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert cache_folder() == tmp_path / "armtempo"
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    assert cache_folder() == Path.home() / ".cache" / "armtempo"
-    monkeypatch.setattr("sys.platform", "darwin")
-    assert cache_folder() == Path.home() / "Library" / "Caches" / "armtempo"
-    monkeypatch.setattr("sys.platform", "win32")
-    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
-    assert cache_folder() == tmp_path / "local" / "armtempo"
+    assert cache_folder() == platformdirs.user_cache_path("armtempo", appauthor=False)
+    if sys.platform == "linux":
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        assert cache_folder() == tmp_path / "armtempo"
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache/armtempo"))
+    assert cache_folder() is None  # no home to write to, least of all the working folder
+    monkeypatch.setenv("ARMTEMPO_CACHE", str(tmp_path / "named"))
+    assert cache_folder() == tmp_path / "named"
     for off in ("off", "OFF"):
         monkeypatch.setenv("ARMTEMPO_CACHE", off)
         assert cache_folder() is None

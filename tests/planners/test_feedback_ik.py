@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.configs import data_path
-from armtempo.errors import InputError, RobotError
+from armtempo.errors import InputError, RobotError, UnknownNameError
 from armtempo.planners import FeedbackIK, IKGains, PoseTarget
 from armtempo.planners.ik import IKRun, Integrator, SphericalWristIK
-from armtempo.planners.ik import _kernels_all as loops
-from armtempo.planners.ik._feedback import ranges_near_zero
+from armtempo.planners.ik._feedback import IKCapKeywords, IKCaps, ranges_near_zero
+from armtempo.planners.ik._law import law_at, law_speeds, scratch, tip_and_jacobian
+from armtempo.planners.ik._track import track_many
 from armtempo.robots import Arm, Tool
 
 DATA = Path(pybullet_data.getDataPath())
@@ -467,7 +469,7 @@ def test_the_wrist_is_tracked_for_the_tip(puma: Arm) -> None:
     assert miss[0] > 0.01
     assert miss[-1] < 1e-8
     assert np.array_equal(ik.joint_speeds(run.q[7], target, 14)[0], run.qd[7])
-    compiled: list[Any] = [loops.track_many, loops.law_at, loops._law]
+    compiled: list[Any] = [track_many, law_at, law_speeds]
     assert max(len(loop.signatures) for loop in compiled) == 1  # each takes a while
     J = puma.jacobian(run.q)  # its tip is the wrist's centre
     J[:, :3] /= ik.length
@@ -579,12 +581,16 @@ def test_the_law_on_line_is_the_eulers_run() -> None:
 def test_the_loops_own_jacobian_and_pose_are_the_arms() -> None:
     for name in ARMS:
         arm = loaded(name)
-        scratch = loops.scratch(arm.dof, 6)
+        room = scratch(arm.dof, 6)
         for q in (postures(arm, np.random.default_rng(seed))[0] for seed in range(5)):
-            loops.tip_and_jacobian(arm.model, q, scratch)
+            tip_and_jacobian(arm.model, q, room)
             T = arm.tip_pose(q)
-            np.testing.assert_allclose(scratch.J, arm.jacobian(q), atol=1e-14)
-            np.testing.assert_allclose(scratch.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
+            np.testing.assert_allclose(room.J, arm.jacobian(q), atol=1e-14)
+            np.testing.assert_allclose(room.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
+
+
+def test_caps_as_a_record_and_as_keywords_have_the_same_names() -> None:
+    assert [field.name for field in fields(IKCaps)] == list(IKCapKeywords.__annotations__)
 
 
 def test_what_cannot_be_used_is_named(puma: Arm) -> None:
@@ -599,8 +605,20 @@ def test_what_cannot_be_used_is_named(puma: Arm) -> None:
         FeedbackIK(puma, task=[[1.0], [1.0, 2.0]])
     with pytest.raises(InputError, match="starts must be numbers"):
         FeedbackIK(puma).track_many([target, target], [Q, Q[:5]])
-    with pytest.raises(InputError, match="damping"):
+    with pytest.raises(InputError, match=r"damping = 0.0 \(give a number > 0\)"):
         FeedbackIK(puma, damping=0.0)
+    with pytest.raises(InputError, match=r"damping = 1.5 \(give a damping < 1\)"):
+        FeedbackIK(puma, damping=1.5)
+    with pytest.raises(InputError, match=r"angular_speed_max = -1.0 \(give a number > 0\)"):
+        FeedbackIK(puma, angular_speed_max=-1.0)
+    with pytest.raises(InputError, match=r"posture_gain = -1.0 \(give a gain >= 0\)"):
+        FeedbackIK(puma, posture_gain=-1.0)
+    with pytest.raises(InputError, match="joint_speed_max is not > 0"):
+        FeedbackIK(puma, joint_speed_max=np.zeros(6))
+    with pytest.raises(InputError, match=r"joint_speed_max has shape \(5,\)"):
+        FeedbackIK(puma, joint_speed_max=np.ones(5))
+    with pytest.raises(UnknownNameError, match=r"unknown keyword 'dampening' .*did you mean 'damping'"):
+        FeedbackIK(puma, dampening=0.1)  # type: ignore[call-arg]
     with pytest.raises(InputError, match="task rows"):
         FeedbackIK(puma, task=np.ones((1, 6)))
     with pytest.raises(InputError, match="integrator"):

@@ -31,7 +31,7 @@ def certified(problem: TimingProblem, master: PhaseTrajectory, slave: PhaseTraje
     certificate = slave.certificate
     return (
         pair_is_free(problem.chart_between(0, 1), master, slave)
-        and certificate.torque_excess < 1e-3
+        and certificate.excess < 1e-3
         and certificate.end_error == 0.0
         and certificate.end_speed_error < 1e-9
         and bool((np.diff(slave.time) >= 0.0).all())
@@ -57,7 +57,7 @@ def test_nothing_in_the_way_is_the_minimum_time_motion(make_problem: Problems) -
 def test_so_it_is_with_real_arms(lee1991: Any) -> None:
     motion = lee1991.timing.searches[1].respond({})
     assert motion.duration == pytest.approx(lee1991.fastest[1].duration, rel=1e-9)
-    assert motion.certificate.torque_excess < 1e-3
+    assert motion.certificate.excess < 1e-3
 
 
 def test_one_block_is_a_start_delay(make_problem: Problems) -> None:

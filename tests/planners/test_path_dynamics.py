@@ -150,3 +150,41 @@ def test_rows_are_copies_and_read_only() -> None:
     assert dynamics.M[0, 0] == 1.0
     with pytest.raises(ValueError, match="read-only"):
         dynamics.M[0, 0] = 2.0
+    for name in ("M", "joints", "arm", "path"):
+        with pytest.raises(AttributeError):
+            setattr(dynamics, name, None)
+
+
+def test_only_rows_can_be_of_joints() -> None:
+    assert (rows().joints, rows().with_joints(1).joints) == (2, 1)
+    for joints in (0, 3):
+        with pytest.raises(InputError, match=f"joints must be from 1 to the number of rows, 2, got {joints}"):
+            rows().with_joints(joints)
+
+
+def test_a_part_has_the_rows_of_the_whole(lee1991: CoordinationCell) -> None:
+    whole = lee1991.dynamics[0]
+    start, stop = 0.1234, 0.3
+    part = whole.between(start, stop, intervals=50)
+    assert (part.grid[0], part.grid[-1]) == (start, stop)
+    assert np.diff(part.grid).max() <= (stop - start) / 50 * (1 + 1e-9)
+    assert set(whole.grid[(whole.grid > start) & (whole.grid < stop)]) < set(part.grid)
+    assert (part.arm, part.path, part.joints) == (whole.arm, whole.path, whole.joints)
+    for rows, exact in zip((part.M, part.Q, part.R, part.S), whole.evaluate(part.grid), strict=True):
+        np.testing.assert_allclose(rows, exact, atol=1e-12)
+    np.testing.assert_allclose(part.torque_max, np.broadcast_to(whole.torque_max[0], part.M.shape), rtol=1e-12)
+    assert len(part.refined([0.2]).grid) == len(part.grid) + 3
+
+
+def test_a_part_of_bare_rows_is_interpolated() -> None:
+    ramp = np.linspace(0.0, 1.0, 5)[:, None]
+    part = rows(S=np.hstack([ramp, -ramp]), speed_max=np.array([1.0, 2.0, 3.0, 4.0, 5.0])).between(0.3, 0.7)
+    np.testing.assert_allclose(part.S, np.stack([part.grid, -part.grid], axis=1), atol=1e-12)
+    assert part.speed_max[0] == 2.0  # the lower end of its interval
+    assert part.arm is None
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0.5, 0.5), (0.6, 0.4), (-0.1, 0.5), (0.5, 1.1), (math.nan, 0.5)])
+def test_a_part_that_is_none_is_refused(start: float, stop: float) -> None:
+    with pytest.raises(InputError, match=r"a part must lie in \[0, 1\], got"):
+        rows().between(start, stop)

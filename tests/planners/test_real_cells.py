@@ -50,7 +50,7 @@ def test_fastest_motions_collide_and_orders_do_not(cell: CoordinationCell) -> No
 def test_fastest_motions_keep_every_limit(cell: CoordinationCell) -> None:
     for arm, path, motion in zip(cell.arms, cell.paths, cell.fastest, strict=True):
         assert isinstance(path, WaypointPath)
-        assert motion.certificate.torque_excess < 1e-3
+        assert motion.certificate.excess < 1e-3
         t = np.linspace(0.0, motion.duration, 4001)[1:-1]
         lam, mu, mu_dot = (value[:, None] for value in motion.at(t))
         q, dq, ddq = path.evaluate(lam[:, 0])

@@ -125,7 +125,7 @@ def test_both_modes_are_safe_and_quick(lee1991: CoordinationCell, mode: Mode) ->
     )
     plan = own.plan(lee1991.fastest[:1])
     assert 0.3283 < plan.trajectory.duration < 0.35
-    assert plan.trajectory.certificate.torque_excess < 1e-3
+    assert plan.trajectory.certificate.excess < 1e-3
 
 
 Master = Callable[[int], float]

@@ -149,8 +149,9 @@ def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
         station = ((m + 1) * last) // count
         before[station:] = m
         for k in range(station - 1, -1, -1):
-            low, high = braked[max(m - 1, 0), k], steps[k, 5]
-            most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
+            low, high = braked[max(m - 1, 0), k], steps[k, phase_kernels.EDGE_HIGH]
+            most = braked[m, k + 1]
+            d2 = 2.0 * (steps[k + 1, phase_kernels.STATION] - steps[k, phase_kernels.STATION])
             x = high
             for _ in range(25 if low < high else 0):  # from the edge itself first: mostly that is it
                 begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
@@ -177,12 +178,13 @@ def stops_before(
         return False
     if mu <= 0.0:
         return True
-    m = before[phase_kernels.find(steps, limit - mu * tick)]
+    m = before[phase_kernels.interval_at(steps, limit - mu * tick)]
     if m < 0:
         return False
-    k = phase_kernels.find(steps, lam)
+    k = phase_kernels.interval_at(steps, lam)
     x, after = braked[m, k], braked[m, k + 1]
-    x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
+    begin, stop = steps[k, phase_kernels.STATION], steps[k + 1, phase_kernels.STATION]
+    x += (lam - begin) / (stop - begin) * (after - x)
     return mu * mu <= SURE * x  # type: ignore[no-any-return]
 
 
@@ -208,9 +210,9 @@ def _foresee(
     k = length[row, i]
     if k >= until or (k > 0 and rest[row, i]):
         return k  # type: ignore[no-any-return]
-    part, end, last = tick / PARTS, steps[steps.shape[0] - 1, 0], places.shape[0] - 1
+    part, end, last = tick / PARTS, steps[steps.shape[0] - 1, phase_kernels.STATION], places.shape[0] - 1
     if k == 0:
-        _, speed[1], _ = phase_kernels.run(
+        _, speed[1], _ = phase_kernels.advance(
             steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
         )
         rest[row, i] = False
@@ -226,7 +228,7 @@ def _foresee(
             rest[row, i] = True
             break
         before = place
-        place, fast, _ = phase_kernels.run(
+        place, fast, _ = phase_kernels.advance(
             steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds
         )
         if place == before:

@@ -112,7 +112,7 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    lam[i], mu[i], done[i] = phase_kernels.run(
+                    lam[i], mu[i], done[i] = phase_kernels.advance(
                         steps_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
                         speeds,
                     )  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, uniform
+from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, is_number, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
@@ -96,10 +96,9 @@ def as_range(value: float | Range, name: str, highest: float) -> Range:
     Raises:
         InputError: It is neither, or not between 0 and ``highest``.
     """
-    try:
-        low, high = (float(end) for end in (value if isinstance(value, tuple | list) else (value, value)))
-    except (TypeError, ValueError):
-        low, high = math.nan, math.nan
+    ends = value if isinstance(value, tuple | list) else (value, value)
+    numbers = len(ends) == 2 and all(is_number(end) for end in ends)
+    low, high = (float(ends[0]), float(ends[1])) if numbers else (math.nan, math.nan)
     if not (0.0 <= low <= high <= highest and math.isfinite(high)):
         limits = "" if highest == math.inf else f", at most {highest:g}"
         raise InputError(
@@ -114,7 +113,7 @@ def as_noise(value: float) -> float:
     Raises:
         InputError: It is not.
     """
-    if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
+    if not (is_number(value) and value >= 0.0):
         raise InputError(
             f"observation_noise must be a finite number, 0 or more, got {value!r}", remedy="give 0 or more"
         )
@@ -185,8 +184,9 @@ def _may_start(world: World, draws: Draws, lam: Floats) -> bool:
     """Whether all can hold still where they are, and are clear of each other."""
     for i in range(lam.shape[0]):
         steps = steps_of(world, i)
-        k = phase_kernels.find(steps, lam[i])
-        if max(steps[k, 3], steps[k, 4], steps[k + 1, 3]) > 0.0:
+        k = phase_kernels.interval_at(steps, lam[i])
+        low, low_next = steps[k, phase_kernels.EDGE_LOW], steps[k, phase_kernels.EDGE_LOW_NEXT]
+        if max(low, low_next, steps[k + 1, phase_kernels.EDGE_LOW]) > 0.0:
             return False
     for p in range(world.clearance.shape[0]):
         i, j = world.clearance[p, 0], world.clearance[p, 1]
@@ -227,7 +227,7 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float, fi
             for i in range(arms):
                 share = _between(draws.phase[0], draws.phase[1], uniform(key, number, attempt, PHASE, i))
                 steps = steps_of(world, i)
-                episodes.lam[e, i] = share * steps[steps.shape[0] - 1, 0]
+                episodes.lam[e, i] = share * steps[steps.shape[0] - 1, phase_kernels.STATION]
             if _may_start(world, draws, episodes.lam[e]):
                 taken = attempt
                 break

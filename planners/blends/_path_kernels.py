@@ -1,4 +1,4 @@
-r"""Compiled geometry of blended paths: derivatives by arc length, exact lengths and their inverse, corners.
+r"""Compiled geometry of blended paths: their pieces, points by length, corners, and how smoothly pieces meet.
 
 A piece is a line, an arc or a polynomial ``F(u)``, ``0 <= u <= 1``. Its ``shape`` (8, 3) holds
 
@@ -7,10 +7,6 @@ A piece is a line, an arc or a polynomial ``F(u)``, ``0 <= u <= 1``. Its ``shape
     polynomial  coefficients of F by rising powers of u
 
 and its ``kind`` says which: ``LINE``, ``ARC``, or the degree of the polynomial.
-
-*Length.* ``|F'|`` is integrated by 16-point Gauss-Legendre on panels of u. On each panel the inverse ``u(s)`` is the
-polynomial of degree 13 through exact pairs ``(s_j, u_j)``; a panel is halved until that polynomial is exact to
-``INVERSE_TOLERANCE`` of the length between its nodes. So a control tick needs one polynomial and no iteration.
 """
 
 from __future__ import annotations
@@ -20,12 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
+from armtempo.planners.blends._curve_kernels import (
+    INVERSE_TOLERANCE,
+    PANEL_NODES,
+    by_arc_length,
+    curve_derivatives,
+    curve_distance,
+    curve_speed,
+    fit_panel,
+    powers_of,
+)
 from armtempo.robots import njit
 
 LINE, ARC = 0, 1  # kinds; others are the degree of a polynomial
-NODES = 14  # pairs (s, u) per panel
-INVERSE_TOLERANCE = 2e-15  # of the curve's length
-SMALLEST_PANEL = 2.0**-40
+PANEL_SIZE_MIN = 2.0**-40
 
 
 class PackedPath(NamedTuple):
@@ -43,91 +47,6 @@ class PackedPath(NamedTuple):
     panel_start: Floats
     panel_size: Floats
     inverse: Floats
-
-
-def _panel_constants() -> tuple[Floats, Floats, Floats, Floats, Floats, Ints]:
-    """Gauss nodes; pairs' u and their weights; u where fits are checked and weights; an order for divided differences.
-
-    All u on [0, 1]. Row j of the weights integrates the values at the Gauss nodes from 0 to u_j.
-    """
-    x, w = np.polynomial.legendre.leggauss(16)
-    order = np.arange(16)
-    basis = np.polynomial.legendre.legvander(x, 16).T  # P_k(x_g)
-    pairs = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-    middles = -np.cos(np.pi * (np.array([0, 3, 6]) + 0.5) / (NODES - 1))
-
-    def weights(to: Floats) -> Floats:
-        p = np.polynomial.legendre.legvander(to, 17)
-        integral = np.empty((len(to), 16))  # (2k+1)/2 times the integral of P_k from -1
-        integral[:, 0] = 0.5 * (to + 1.0)
-        integral[:, 1:] = 0.5 * (p[:, 2:17] - p[:, :15])
-        return 0.5 * (integral @ (basis[order] * w))
-
-    leja = [NODES - 1]  # each next node the farthest from those before it: keeps the differences small
-    while len(leja) < NODES:
-        apart = np.abs(pairs[:, None] - pairs[leja]).prod(axis=1)
-        leja.append(int(apart.argmax()))
-    return (
-        0.5 * (x + 1.0), 0.5 * (pairs + 1.0), weights(pairs), 0.5 * (middles + 1.0), weights(middles), np.array(leja),
-    )  # fmt: skip
-
-
-GAUSS_U, PAIR_U, PAIR_WEIGHTS, CHECK_U, CHECK_WEIGHTS, PAIR_ORDER = _panel_constants()
-
-
-@njit
-def curve_speed(shape: Floats, degree: int, u: float) -> float:
-    """``|F'(u)|`` of a polynomial [m]."""
-    x = y = z = 0.0
-    for k in range(degree, 0, -1):
-        x, y, z = x * u + k * shape[k, 0], y * u + k * shape[k, 1], z * u + k * shape[k, 2]
-    return float(np.sqrt(x * x + y * y + z * z))
-
-
-@njit
-def curve_position(shape: Floats, degree: int, u: float, out: Floats) -> None:
-    """``F(u)`` of a polynomial into ``out`` (3,)."""
-    for i in range(3):
-        value = shape[degree, i]
-        for k in range(degree - 1, -1, -1):
-            value = value * u + shape[k, i]
-        out[i] = value
-
-
-@njit
-def curve_derivatives(shape: Floats, degree: int, u: float, out: Floats) -> None:
-    """F, F', F'', F''' by u of a polynomial into ``out`` (4, 3)."""
-    for i in range(3):
-        a, b, c, d = shape[degree, i], 0.0, 0.0, 0.0  # Horner of F, F', F''/2, F'''/6
-        for k in range(degree - 1, -1, -1):
-            d = d * u + c
-            c = c * u + b
-            b = b * u + a
-            a = a * u + shape[k, i]
-        out[0, i], out[1, i], out[2, i], out[3, i] = a, b, 2.0 * c, 6.0 * d
-
-
-@njit
-def _by_arc_length(out: Floats) -> None:
-    """Turn derivatives by u into those by arc length, in place.
-
-    With s' = |F'| = v:
-    p' = F'/v,  p'' = (F'' - s'' p')/v^2,  p''' = (F''' - 3 v s'' p'' - s''' p')/v^3.
-    """
-    v2 = f12 = f22 = f13 = 0.0
-    for i in range(3):
-        v2 += out[1, i] * out[1, i]
-        f12 += out[1, i] * out[2, i]
-        f22 += out[2, i] * out[2, i]
-        f13 += out[1, i] * out[3, i]
-    v = np.sqrt(v2)
-    s2 = f12 / v
-    s3 = (f22 + f13 - s2 * s2) / v
-    for i in range(3):
-        tangent = out[1, i] / v
-        curvature = (out[2, i] - s2 * tangent) / v2
-        out[3, i] = (out[3, i] - 3.0 * v * s2 * curvature - s3 * tangent) / (v2 * v)
-        out[1, i], out[2, i] = tangent, curvature
 
 
 @njit
@@ -148,52 +67,7 @@ def piece_point(kind: int, shape: Floats, x: float, out: Floats) -> None:
             out[3, i] = -out[1, i] / (radius * radius)
     else:
         curve_derivatives(shape, kind, x, out)
-        _by_arc_length(out)
-
-
-@njit
-def _weighted(weights: Floats, row: int, speeds: Floats) -> float:
-    total = 0.0
-    for g in range(16):
-        total += weights[row, g] * speeds[g]
-    return total
-
-
-@njit
-def _fit_panel(shape: Floats, degree: int, u: float, h: float, inverse: Floats, most: float) -> float:
-    """Fit u(s) on the panel [u, u + h] into ``inverse`` (14,).
-
-    Returns the panel's length, or its negative where the fit misses by more than ``most`` [m].
-    """
-    speeds = np.empty(16)
-    for g in range(16):
-        speeds[g] = curve_speed(shape, degree, u + h * GAUSS_U[g])
-    size = h * _weighted(PAIR_WEIGHTS, NODES - 1, speeds)
-    scale = 2.0 * h / size
-    t, c = np.empty(NODES), np.empty(NODES)
-    for k in range(NODES):
-        j = PAIR_ORDER[k]
-        t[k] = 1.0 if j == NODES - 1 else scale * _weighted(PAIR_WEIGHTS, j, speeds) - 1.0
-        c[k] = PAIR_U[j]
-    for k in range(1, NODES):  # Newton's divided differences
-        for j in range(NODES - 1, k - 1, -1):
-            c[j] = (c[j] - c[j - 1]) / (t[j] - t[j - k])
-    inverse[:] = 0.0
-    for k in range(NODES - 1, -1, -1):  # to powers: inverse = inverse (x - t_k) + c_k
-        for j in range(NODES - 1, 0, -1):
-            inverse[j] = inverse[j - 1] - t[k] * inverse[j]
-        inverse[0] = c[k] - t[k] * inverse[0]
-    worst = 0.0
-    for j in range(CHECK_U.shape[0]):
-        at = scale * _weighted(CHECK_WEIGHTS, j, speeds) - 1.0
-        value = 0.0
-        for k in range(NODES - 1, -1, -1):
-            value = value * at + inverse[k]
-        worst = max(worst, abs(value - CHECK_U[j]))
-    for k in range(NODES):
-        inverse[k] *= h
-    inverse[0] += u
-    return float(size if worst * size <= most else -size)
+        by_arc_length(out)
 
 
 @njit
@@ -205,27 +79,27 @@ def tabulate(kind: Ints, shape: Floats, lengths: Floats) -> tuple[Ints, Floats, 
     count = kind.shape[0]
     first = np.zeros(count + 1, dtype=np.int64)
     room = 16 + 16 * count
-    start, size, inverse = np.empty(room), np.empty(room), np.empty((room, NODES))
+    start, size, inverse = np.empty(room), np.empty(room), np.empty((room, PANEL_NODES))
     used = 0
-    trial = np.empty(NODES)
+    trial = np.empty(PANEL_NODES)
     for k in range(count):
         first[k] = used
         degree = kind[k]
         if degree <= ARC:
             continue
-        most = INVERSE_TOLERANCE * abs(_fit_panel(shape[k], degree, 0.0, 1.0, trial, 0.0))
+        most = INVERSE_TOLERANCE * abs(fit_panel(shape[k], degree, 0.0, 1.0, trial, 0.0))
         u, s, h = 0.0, 0.0, 0.125
         while u < 1.0:
             h = min(h, 1.0 - u)
-            panel = _fit_panel(shape[k], degree, u, h, trial, most)
-            if panel < 0.0 and h > SMALLEST_PANEL:
+            panel = fit_panel(shape[k], degree, u, h, trial, most)
+            if panel < 0.0 and h > PANEL_SIZE_MIN:
                 h *= 0.5
                 continue
             if used == room:
                 room *= 2
                 start = np.concatenate((start, np.empty(used)))
                 size = np.concatenate((size, np.empty(used)))
-                inverse = np.concatenate((inverse, np.empty((used, NODES))))
+                inverse = np.concatenate((inverse, np.empty((used, PANEL_NODES))))
             start[used], size[used] = s, abs(panel)
             inverse[used] = trial
             used += 1
@@ -249,8 +123,8 @@ def curve_parameter(packed: PackedPath, k: int, s: float) -> float:
         else:
             high = middle - 1
     x = 2.0 * (s - packed.panel_start[low]) / packed.panel_size[low] - 1.0
-    u = packed.inverse[low, NODES - 1]
-    for j in range(NODES - 2, -1, -1):
+    u = packed.inverse[low, PANEL_NODES - 1]
+    for j in range(PANEL_NODES - 2, -1, -1):
         u = u * x + packed.inverse[low, j]
     return float(min(max(u, 0.0), 1.0))
 
@@ -325,56 +199,6 @@ def inner_points(ends: Floats, remaining: Floats, shares: Floats, degree: int, p
                 slope = third - np.dot(third, tangent) * tangent
                 more = (v * v * v * slope + 3.0 * v * w * curvature) / 210.0
                 points[start + 3 * step] = p + along[2] * tangent + 3.0 * across + more
-
-
-@njit
-def powers_of(points: Floats, degree: int, shape: Floats) -> None:
-    """Bernstein control points (degree + 1, 3) to coefficients of rising powers, into ``shape`` (8, 3)."""
-    shape[:] = 0.0
-    rows = points[: degree + 1] - points[0]
-    factor = 1.0
-    for k in range(degree + 1):  # rows: k-th forward differences
-        shape[k] = factor * rows[0]
-        for j in range(degree - k):
-            rows[j] = rows[j + 1] - rows[j]
-        factor *= (degree - k) / (k + 1.0)
-    shape[0] = points[0]
-
-
-@njit
-def curve_distance(shape: Floats, degree: int, vertex: Floats) -> float:
-    """The smallest distance of a polynomial from a point [m]: a coarse search, then safeguarded Newton."""
-    out = np.empty((4, 3))
-    pieces = 32
-    best, nearest = np.inf, 0
-    for i in range(pieces + 1):
-        curve_position(shape, degree, i / pieces, out[0])
-        square = 0.0
-        for j in range(3):
-            square += (out[0, j] - vertex[j]) ** 2
-        if square < best:
-            best, nearest = square, i
-    low, high = max(nearest - 1, 0) / pieces, min(nearest + 1, pieces) / pieces
-    u = nearest / pieces
-    for _ in range(60):
-        curve_derivatives(shape, degree, u, out)
-        slope = bend = 0.0
-        for j in range(3):
-            away = out[0, j] - vertex[j]
-            slope += away * out[1, j]
-            bend += out[1, j] * out[1, j] + away * out[2, j]
-        if slope > 0.0:
-            high = u
-        else:
-            low = u
-        step = u - slope / bend
-        if bend <= 0.0 or step < low or step > high:
-            step = 0.5 * (low + high)
-        if abs(step - u) < 1e-16:
-            break
-        u = step
-    curve_position(shape, degree, u, out[0])
-    return float(np.sqrt(np.sum((out[0] - vertex) ** 2)))
 
 
 @njit
