@@ -11,8 +11,10 @@ from armtempo.agents.blend._baselines import (
 )
 from armtempo.agents.blend._kind import BlendKind
 from armtempo.agents.blend._result import BlendResult, in_blends, reference_demand, speed_errors
+from armtempo.agents.blend._training import BlendTask
 
 __all__ = [
+    "BlendTask",
     "BLEND_POLICIES",
     "BlendBaseline",
     "BlendKind",

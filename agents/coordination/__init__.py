@@ -11,8 +11,10 @@ from armtempo.agents.coordination._baselines import (
 from armtempo.agents.coordination._kind import ONLINE, CoordinationKind, CoordinationRunner
 from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
 from armtempo.agents.coordination._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
+from armtempo.agents.coordination._training import CoordinationTask
 
 __all__ = [
+    "CoordinationTask",
     "COORDINATION_POLICIES",
     "CellComparison",
     "CoordinationKind",

@@ -13,8 +13,13 @@ from armtempo.agents.evaluation._evaluate import (
 )
 from armtempo.agents.evaluation._figures import Figure, Form, figure, figures_of, numbers_of
 from armtempo.agents.evaluation._kind import Kind, Runner, asked_options, keywords_of, option_names, options_for
+from armtempo.agents.evaluation._training_task import CurveEvaluator, Row, TrainingTask, beside
 
 __all__ = [
+    "CurveEvaluator",
+    "Row",
+    "TrainingTask",
+    "beside",
     "Evaluation",
     "Figure",
     "Form",

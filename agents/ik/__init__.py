@@ -12,8 +12,10 @@ from armtempo.agents.ik._baselines import (
 )
 from armtempo.agents.ik._kind import IKKind
 from armtempo.agents.ik._result import IKResult
+from armtempo.agents.ik._training import IKTask
 
 __all__ = [
+    "IKTask",
     "GainPolicy",
     "IKKind",
     "IKResult",

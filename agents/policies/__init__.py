@@ -5,7 +5,6 @@ from __future__ import annotations
 from armtempo.agents.policies._agent_file import (
     Agent,
     AgentHeader,
-    EnvironmentName,
     find_agent,
     is_agent_name,
     load_agent,
@@ -26,7 +25,6 @@ __all__ = [
     "Actions",
     "Agent",
     "AgentHeader",
-    "EnvironmentName",
     "LearnedPolicy",
     "Observations",
     "Policy",

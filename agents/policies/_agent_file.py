@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -23,12 +24,12 @@ from armtempo.errors import InputError, UnknownNameError
 from armtempo.files import whole_file
 
 Algorithm = Literal["ppo", "sac", "tqc"]
-EnvironmentName = Literal["coordination", "blend-tracking", "feedback-ik"]
 Learners = Literal["last", "all"]
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 VERSION = 1
 SHIPPED = Path(__file__).parents[1] / "shipped"
+ENVIRONMENT_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _ACTIVATIONS = ("tanh", "relu")
 
 
@@ -40,7 +41,7 @@ class AgentHeader:
         name: Of its configuration.
         algorithm: ``ppo`` (its actions are clipped to [-1, 1]), ``sac`` or ``tqc`` (theirs go through tanh).
         activation: Between layers: ``tanh`` or ``relu``.
-        environment: ``coordination``, ``blend-tracking`` or ``feedback-ik``.
+        environment: Of its kind of cell: ``coordination``, ``blend-tracking``, ``feedback-ik``, or another's.
         settings: What the environment was made with, by name.
         learners: Of several arms: the ``last`` one, while the others run at full speed, or ``all``. None for one arm.
         entries: Names of the observation's entries.
@@ -56,7 +57,7 @@ class AgentHeader:
     name: str
     algorithm: Algorithm
     activation: str
-    environment: EnvironmentName
+    environment: str
     settings: dict[str, Any]
     learners: Learners | None
     entries: list[str]
@@ -147,8 +148,8 @@ def _complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> str |
         return f"its header lacks or adds {', '.join(sorted(wanted ^ set(header)))}"
     if header["algorithm"] not in ALGORITHMS or header["activation"] not in _ACTIVATIONS:
         return f"unknown algorithm {header['algorithm']!r} or activation {header['activation']!r}"
-    if header["environment"] not in get_args(EnvironmentName) or header["learners"] not in (None, *get_args(Learners)):
-        return f"unknown environment {header['environment']!r} or learners {header['learners']!r}"
+    if not ENVIRONMENT_NAME.fullmatch(header["environment"]) or header["learners"] not in (None, *get_args(Learners)):
+        return f"no environment {header['environment']!r} or learners {header['learners']!r}"
     layers, width = (len(arrays) - 1) // 2, len(header["entries"])
     if layers < 1:
         return "it has no layers"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, final, overload
 
-from armtempo.agents.policies._agent_file import Agent, EnvironmentName, find_agent
+from armtempo.agents.policies._agent_file import Agent, find_agent
 from armtempo.agents.policies._policy import Actions, Observations, to_action
 from armtempo.arrays import Floats32
 from armtempo.errors import InputError
@@ -32,7 +32,7 @@ class LearnedPolicy:
         return {name: self.agent.act(row) if name in mine else to_action(1.0) for name, row in observation.items()}
 
 
-def learned_policy(name: str, env: Any, environment: EnvironmentName = "coordination") -> LearnedPolicy:
+def learned_policy(name: str, env: Any, environment: str = "coordination") -> LearnedPolicy:
     """The policy of an agent's name (``ppo:...``) in an environment.
 
     Args:

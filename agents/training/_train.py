@@ -16,19 +16,17 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from armtempo import __version__
+from armtempo.agents.evaluation import CurveEvaluator, Row, TrainingTask
 from armtempo.agents.policies import Agent, AgentHeader, save_agent
 from armtempo.agents.training._checkpoint import read_checkpoint, restore, save_checkpoint
-from armtempo.agents.training._environments import TrainingTask, training_env, training_task
-from armtempo.agents.training._evaluation import COLUMNS, TrainEvaluation
 from armtempo.agents.training._export import agent_of
 from armtempo.agents.training._model import training_model
-from armtempo.agents.training.vec_envs import VectorVecEnv
-from armtempo.configs import CoordinationTraining, TrainConfig, bundled_trainings, load_train_config
+from armtempo.agents.training._tasks import training_env, training_task
+from armtempo.configs import TrainConfig, bundled_trainings, load_train_config
 from armtempo.errors import InputError
 from armtempo.files import whole_file
 
 CHECKPOINT, CURVE, AGENT = "checkpoint.pt", "curve.csv", "agent.npz"
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,15 +84,15 @@ def train(
     content = read_checkpoint(checkpoint) if resume else None
     task = training_task(chosen)
     env = training_env(task)
-    evaluation = TrainEvaluation(task)
+    evaluator = task.evaluator()
     try:
-        _leave_undisturbed(env, chosen, 0)
+        _leave_undisturbed(env, task, 0)
         model = training_model(chosen, env)
         said = _said(chosen)
         curve = [] if content is None else restore(checkpoint, content, model, said)
         folder.mkdir(parents=True, exist_ok=True)
         model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-        callback = EvaluationCallback(task, evaluation, folder, said, curve, on_progress, on_row)
+        callback = EvaluationCallback(task, evaluator, folder, said, curve, on_progress, on_row)
         left = chosen.total_steps - model.num_timesteps
         if left > 0:
             model.learn(left, callback=callback, log_interval=1, reset_num_timesteps=content is None)
@@ -102,17 +100,16 @@ def train(
         agent = agent_of(model, _header(task, int(model.num_timesteps), curve))
         save_agent(folder / AGENT, agent)
     finally:
-        evaluation.close()
+        evaluator.close()
         env.close()
     return Training(config=chosen, agent=agent, curve=curve, folder=folder)
 
 
-def _leave_undisturbed(env: Any, config: TrainConfig, steps: int) -> None:
+def _leave_undisturbed(env: Any, task: TrainingTask, steps: int) -> None:
     """Which episodes that begin from now on are undisturbed."""
-    if isinstance(env, VectorVecEnv) and config.coordination is not None:
-        chosen = config.coordination
-        all_of_them = steps < chosen.undisturbed_until * config.total_steps
-        env.env_method("leave_undisturbed", 1.0 if all_of_them else chosen.undisturbed_share)
+    share = task.undisturbed_share(steps)
+    if share is not None:
+        env.env_method("leave_undisturbed", share)
 
 
 def _said(config: TrainConfig) -> str:
@@ -121,15 +118,15 @@ def _said(config: TrainConfig) -> str:
 
 
 def _header(task: TrainingTask, steps: int, curve: list[Row]) -> AgentHeader:
-    config, chosen = task.config, task.config.environment
+    config = task.config
     line = ["armtempo", "train", _called(config), "--seed", str(config.seed)]
     return AgentHeader(
         name=config.name,
         algorithm=config.algorithm,
         activation=config.network.activation,
-        environment=task.environment,  # type: ignore[arg-type]
+        environment=task.environment,
         settings=task.settings,
-        learners=chosen.learners if isinstance(chosen, CoordinationTraining) else None,
+        learners=task.learners,
         entries=task.entries,
         cells=[cell.name for cell in task.cells],
         steps=steps,
@@ -155,7 +152,7 @@ class EvaluationCallback(BaseCallback):
     def __init__(
         self,
         task: TrainingTask,
-        evaluation: TrainEvaluation,
+        evaluator: CurveEvaluator,
         folder: Path,
         said: str,
         curve: list[Row],
@@ -163,7 +160,7 @@ class EvaluationCallback(BaseCallback):
         on_row: Callable[[Row], None] | None,
     ) -> None:
         super().__init__()
-        self._task, self._evaluation, self._folder, self._said = task, evaluation, folder, said
+        self._task, self._evaluator, self._folder, self._said = task, evaluator, folder, said
         self._curve, self._on_progress, self._on_row = curve, on_progress, on_row
         self._began = time.perf_counter() - (curve[-1]["seconds"] if curve else 0.0)
 
@@ -177,7 +174,7 @@ class EvaluationCallback(BaseCallback):
         config, steps = self._task.config, self.model.num_timesteps
         if self._on_progress is not None:
             self._on_progress(steps, config.total_steps)
-        _leave_undisturbed(self.training_env, config, steps)
+        _leave_undisturbed(self.training_env, self._task, steps)
         if steps // config.evaluation.every_steps > self._evaluated:
             self._evaluated = steps // config.evaluation.every_steps
             self._evaluate(self.model)
@@ -197,11 +194,11 @@ class EvaluationCallback(BaseCallback):
 
     def _evaluate(self, model: Any) -> None:
         steps = int(model.num_timesteps)
-        result = self._evaluation.row(agent_of(model, _header(self._task, steps, [])))
+        result = self._evaluator.row(agent_of(model, _header(self._task, steps, [])))
         row = {"steps": steps, "seconds": round(time.perf_counter() - self._began, 1), **result}
         self._curve.append(row)
         with whole_file(self._folder / CURVE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS, restval="")
+            writer = csv.DictWriter(file, list(row), restval="")
             writer.writeheader()
             writer.writerows(self._curve)
         for name, value in result.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
+from armtempo.configs.training._base import EnvironmentTraining
 from armtempo.configs.training._blend import BlendTraining
 from armtempo.configs.training._coordination import BenchmarkFilter, CoordinationTraining, DisturbanceConfig
 from armtempo.configs.training._ik import IKTraining
@@ -14,6 +15,7 @@ __all__ = [
     "BlendTraining",
     "CoordinationTraining",
     "DisturbanceConfig",
+    "EnvironmentTraining",
     "EvaluationConfig",
     "IKTraining",
     "NetworkConfig",

@@ -6,15 +6,13 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from armtempo.configs.schema import Real
+from armtempo.configs.schema import FileModel, Real
 
 Share = Annotated[Real, Field(ge=0, le=1)]
-
-
 Signed = Annotated[Real, Field(ge=-1, le=1)]
-
-
 Count = Annotated[int, Field(ge=1, strict=True)]
-
-
 File = Annotated[str, StringConstraints(min_length=1)]
+
+
+class EnvironmentTraining(FileModel):
+    """Where agents learn: what a training file says under the key of one kind of environment."""

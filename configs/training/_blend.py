@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-from armtempo.configs.schema import FileModel, Real
-from armtempo.configs.training._base import File
+from armtempo.configs.schema import Real
+from armtempo.configs.training._base import EnvironmentTraining, File
 
 
-class BlendTraining(FileModel):
+class BlendTraining(EnvironmentTraining):
     """An arm that overrides the feed rate on a blended path."""
 
     cell: File = "lee2006"

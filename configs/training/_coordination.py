@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StrictBool, model_validator
 
 from armtempo.configs.schema import FileModel, NonNegative, Positive
-from armtempo.configs.training._base import Count, File, Share
+from armtempo.configs.training._base import Count, EnvironmentTraining, File, Share
 
 Times = tuple[NonNegative, NonNegative]
 
@@ -48,7 +48,7 @@ class DisturbanceConfig(FileModel):
         return self
 
 
-class CoordinationTraining(FileModel):
+class CoordinationTraining(EnvironmentTraining):
     """Arms on given paths that learn when to go."""
 
     cells: Annotated[tuple[File, ...], Field(min_length=1)] | None = None

@@ -6,11 +6,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from armtempo.configs.schema import FileModel, Positive, Real
-from armtempo.configs.training._base import Count, File
+from armtempo.configs.schema import Positive, Real
+from armtempo.configs.training._base import Count, EnvironmentTraining, File
 
 
-class IKTraining(FileModel):
+class IKTraining(EnvironmentTraining):
     """An arm that follows poses."""
 
     cell: File = "chung"

@@ -7,13 +7,13 @@ them per control period.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from armtempo.configs.schema import CellTitle, FileModel
 from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
-from armtempo.configs.training._base import Count
+from armtempo.configs.training._base import Count, EnvironmentTraining
 from armtempo.configs.training._blend import BlendTraining
 from armtempo.configs.training._coordination import CoordinationTraining
 from armtempo.configs.training._ik import IKTraining
@@ -32,7 +32,6 @@ class EvaluationConfig(FileModel):
     """Of the first episode."""
 
 
-_ENVIRONMENTS = ("coordination", "blend_tracking", "feedback_ik")
 _ALGORITHMS = ("ppo", "sac", "tqc")
 
 
@@ -87,10 +86,10 @@ class TrainConfig(FileModel):
         return self
 
     @property
-    def environment(self) -> CoordinationTraining | BlendTraining | IKTraining:
+    def environment(self) -> EnvironmentTraining:
         """The one that is given."""
-        given = self.coordination or self.blend_tracking or self.feedback_ik
-        assert given is not None
+        (given,) = (getattr(self, key) for key in _environment_keys(type(self)) if getattr(self, key) is not None)
+        assert isinstance(given, EnvironmentTraining)  # by _one_of_each
         return given
 
     def changed(self, **changes: Any) -> Self:
@@ -100,12 +99,22 @@ class TrainConfig(FileModel):
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:
-        given = [key for key in _ENVIRONMENTS if getattr(self, key) is not None]
+        known = _environment_keys(type(self))
+        given = [key for key in known if getattr(self, key) is not None]
         if len(given) != 1:
             said = " and ".join(given) if given else "none"
             key = given[-1] if given else "coordination"
-            raise ValueError(f"{key}: give one of {', '.join(_ENVIRONMENTS)}, got {said}")
+            raise ValueError(f"{key}: give one of {', '.join(known)}, got {said}")
         for key in _ALGORITHMS:
             if key in self.model_fields_set and key != self.algorithm:
                 raise ValueError(f"{key}: the algorithm is {self.algorithm}; give hyper-parameters of that one alone")
         return self
+
+
+def _environment_keys(model: type[TrainConfig]) -> list[str]:
+    """The keys for one kind of environment each."""
+    return [
+        name
+        for name, field in model.model_fields.items()
+        if any(isinstance(one, type) and issubclass(one, EnvironmentTraining) for one in get_args(field.annotation))
+    ]

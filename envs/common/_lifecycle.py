@@ -8,7 +8,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.envs.bodies import Renderer, Simulation, check_render_mode
+from armtempo.envs.bodies import Renderer, Simulation, Trace, check_render_mode
 from armtempo.envs.common._options import check_names
 from armtempo.errors import ActionError, InputError, RenderError
 from armtempo.planners import Cell
@@ -66,7 +66,7 @@ class Lifecycle:
             raise ActionError("the episode is over", remedy="call reset before step")
 
     def render(
-        self, simulation: Simulation[Cell, Any], extras: Callable[[Renderer], None] | None = None
+        self, simulation: Simulation[Cell, Trace[Any]], extras: Callable[[Renderer], None] | None = None
     ) -> NDArray[np.uint8] | None:
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode.
 

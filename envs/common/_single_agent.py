@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies import Renderer, Simulation
+from armtempo.envs.bodies import Renderer, Simulation, Trace
 from armtempo.envs.common._lifecycle import Lifecycle
+from armtempo.planners import Cell
 
-SimulationT = TypeVar("SimulationT", bound=Simulation[Any, Any])
+SimulationT = TypeVar("SimulationT", bound=Simulation[Cell, Trace[Any]])
 
 
 class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
