@@ -128,7 +128,8 @@ def _next_piece(
     step = min(left, np.sqrt(x) * rest + 0.5 * max(u_high, 0.0) * rest * rest)
     if step <= 0.0:
         return 0.0, 0.0
-    here = upper_edge(steps, i, w)
+    high, rise = steps[i, EDGE_HIGH], steps[i, EDGE_HIGH_NEXT] - steps[i, EDGE_HIGH]
+    here = high + w * rise
     if i == steps.shape[0] - 2 and step == left:
         if x < 0.25 * goal_share * here:
             step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
@@ -138,7 +139,7 @@ def _next_piece(
             if 0.0 < meet < left:
                 step = meet
     w_next = 1.0 if step == left else w + step / width
-    x_edge = upper_edge(steps, i, w_next)
+    x_edge = high + w_next * rise
     x_floor = steps[i, EDGE_LOW] + w_next * (steps[i, EDGE_LOW_NEXT] - steps[i, EDGE_LOW])
     d2 = 2.0 * step
     end_low, end_high = bounds_in(steps, i, w_next, x, d2)
@@ -234,7 +235,7 @@ def _whole_intervals(
 
 
 @njit
-def _follow(
+def advance(
     steps: Floats,
     lam: float,
     mu: float,
@@ -246,7 +247,19 @@ def _follow(
     speeds: Floats,
     record: Floats,
 ) -> tuple[float, float, float, int]:
-    """The loop of ``advance`` and ``record_motion``; see there. Returns lam, mu, the time used and rows recorded."""
+    """Move an arm along its path for so many ticks [s] under one command in [0, 1].
+
+    Piece by piece, each to the next station or to the end of the time, with one constant ``u`` from
+    ``[u_low, u_high]``: the rows at both ends of the piece, and no point above the controllable set. ``by_speed``:
+    ``u`` heads for ``command`` times ``mu*`` (0: brake as hard as the limits allow); else
+    ``u = u_low + command (u_high - u_low)``. The edge is obeyed to rounding, so the end can always be met; the rows
+    *inside* a piece hold to the second order of its length.
+
+    ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
+    asking changes nothing. ``record`` (K, 3) receives (time, lam, mu) after every piece; a full one ends the motion;
+    none is ``steps[:0]``, which costs nothing. Intervals are run through as a whole only without a record: that differs
+    by rounding. Returns lam, mu, the time used (less than all only on arrival) and the number of rows recorded.
+    """
     last, dt, recording = steps.shape[0] - 1, tick * ticks, record.shape[0] > 0
     end = steps[last, STATION]
     x, used, k, count = mu * mu, 0.0, 0, 0
@@ -285,43 +298,3 @@ def _follow(
     for m in range(k, places.shape[0]):
         places[m], speeds[m] = lam, mu
     return lam, mu, used, count
-
-
-@njit
-def advance(
-    steps: Floats,
-    lam: float,
-    mu: float,
-    command: float,
-    by_speed: bool,
-    tick: float,
-    ticks: int,
-    places: Floats,
-    speeds: Floats,
-) -> tuple[float, float, float]:
-    """Move an arm along its path for so many ticks [s] under one command in [0, 1].
-
-    Piece by piece, each to the next station or to the end of the time, with one constant ``u`` from
-    ``[u_low, u_high]``: the rows at both ends of the piece, and no point above the controllable set. ``by_speed``:
-    ``u`` heads for ``command`` times ``mu*`` (0: brake as hard as the limits allow); else
-    ``u = u_low + command (u_high - u_low)``. The edge is obeyed to rounding, so the end can always be met; the rows
-    *inside* a piece hold to the second order of its length.
-
-    ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
-    asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
-    """
-    lam, mu, used, _ = _follow(steps, lam, mu, command, by_speed, tick, ticks, places, speeds, steps[:0])  # no record
-    return lam, mu, used
-
-
-@njit
-def record_motion(
-    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int, record: Floats
-) -> tuple[float, float, float, int]:
-    """As ``advance``; ``record`` (K, 3) receives (time, lam, mu) after every piece.
-
-    No interval is run through as a whole, which differs by rounding. Returns lam, mu, the time used and the number of
-    rows recorded; a full record ends the motion.
-    """
-    none = steps[0, :0]
-    return _follow(steps, lam, mu, command, by_speed, tick, ticks, none, none, record)

@@ -49,13 +49,12 @@ def _stage_rows(rows: Rows, i: int, next_low: float, next_high: float, out: Floa
 
 
 @inlined
-def _half_plane(
-    A: float, B: float, C: float, low: float, high: float, bands: Floats, taken: int
-) -> tuple[float, float, int]:
+def _half_plane(A: float, B: float, C: float, low: float, high: float) -> tuple[float, float, float, float]:
     """The part of [low, high] in which ``A x + B sqrt(x) <= C``, not both A and B zero; empty: (inf, -inf).
 
-    ``A < 0 < B`` can take a band out of the middle: it is put into ``bands`` (B, 2), of which the number is returned.
+    ``A < 0 < B`` can take a band out of the middle: the last two numbers (none: 0, 0).
     """
+    band_low, band_high = 0.0, 0.0
     if B == 0.0:
         if A > 0.0:
             high = min(high, C / A)
@@ -80,18 +79,16 @@ def _half_plane(
                 if near > 0.0:
                     low = max(low, near * near)
             elif far > 0.0 and far * far > low and near * near * np.sign(near) < high:  # outside them
-                if near <= 0.0 or taken == bands.shape[0]:  # no room for one more: leave out what is below
+                if near <= 0.0:
                     low = max(low, far * far)
                 else:
-                    bands[taken, 0], bands[taken, 1] = near * near, far * far
-                    taken += 1
-    return low, high, taken
+                    band_low, band_high = near * near, far * far
+    return low, high, band_low, band_high
 
 
 @njit
-def _cut_bands(low: float, high: float, bands: Floats, taken: int, out: Floats) -> int:
-    """Fill ``out`` (K, 2) with what so many bands leave of [low, high]; returns the number of intervals."""
-    out[0, 0], out[0, 1] = low, high
+def _cut_bands(bands: Floats, taken: int, out: Floats) -> int:
+    """Cut so many bands (K, 2) out of the interval that ``out`` (K, 2) begins with; returns how many are left."""
     found = 1
     for k in range(taken):
         for m in range(found):
@@ -140,15 +137,24 @@ def _eliminate(stage: Floats, count: int, x_cap: float, bands: Floats, out: Floa
                 if -1e-9 * (abs(stage[q, ROW_HIGH] * stage[p, ROW_A]) + abs(stage[p, ROW_LOW] * stage[q, ROW_A])) > C:
                     return 0
                 continue
-            low, high, taken = _half_plane(A, B, C, low, high, bands, taken)
+            low, high, band_low, band_high = _half_plane(A, B, C, low, high)
             if low == np.inf:
                 return 0
+            if band_high > 0.0:
+                if taken == bands.shape[0]:  # no room for one more: leave out what is below
+                    low = max(low, band_high)
+                else:
+                    bands[taken, 0], bands[taken, 1] = band_low, band_high
+                    taken += 1
             slow, fast = np.sqrt(max(low, 0.0)), np.sqrt(max(high, 0.0))
     if low > high:
         if low > high + 1e-12 * (1.0 + high):
             return 0
         low = high
-    return _cut_bands(low, high, bands, taken, out) if high >= 0.0 else 0
+    if not 0.0 <= low <= high:
+        return 0
+    out[0, 0], out[0, 1] = low, high
+    return _cut_bands(bands, taken, out) if taken else 1
 
 
 @njit

@@ -115,9 +115,10 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    lam[i], mu[i], done[i] = phase_kernels.advance(
-                        steps_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
-                        speeds,
+                    steps = steps_of(world, i)
+                    lam[i], mu[i], done[i], _ = phase_kernels.advance(
+                        steps, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
+                        speeds, steps[:0],
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[STEPS] += 1

@@ -57,7 +57,8 @@ def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: in
     """Places of one period, so many to a tick that the arms hardly move from one to the next."""
     out, speeds = np.empty(PARTS * ticks), np.empty(PARTS * ticks)
     tick = world.tick / PARTS
-    phase_kernels.advance(steps_of(world, i), lam, mu, command, world.by_speed, tick, PARTS * ticks, out, speeds)
+    steps = steps_of(world, i)
+    phase_kernels.advance(steps, lam, mu, command, world.by_speed, tick, PARTS * ticks, out, speeds, steps[:0])
     return np.concatenate([[lam], out])
 
 
@@ -79,7 +80,9 @@ def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureReq
                 continue
             said += 1
             while mu > 0.0 and lam < path.length:
-                lam, mu, _ = phase_kernels.advance(steps, lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds)
+                lam, mu, _, _ = phase_kernels.advance(
+                    steps, lam, mu, 0.0, world.by_speed, world.tick, 4, out, speeds, steps[:0]
+                )
             assert lam <= limit
     assert said > 500
 

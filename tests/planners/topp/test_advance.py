@@ -1,6 +1,6 @@
 """Motions under commands: whatever was commanded, the end can still be met at rest inside the torque limits.
 
-As the environments move their arms (``advance``, places at ticks) and as plans are told (``record_motion``).
+As the environments move their arms (places at ticks) and as plans are told (a record of pieces).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
 from armtempo.planners import CoordinationCell, JointPath, PathDynamics, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp import Mode
-from armtempo.planners.topp._advance import advance, record_motion
+from armtempo.planners.topp._advance import advance
 from armtempo.robots import Arm
 
 SplineDynamics = Callable[..., PathDynamics]
@@ -34,7 +34,8 @@ def run(
     """State after a period and the time used; places and speeds ``reads`` times on the way, equally far apart."""
     places, speeds = np.empty(reads), np.empty(reads)
     tick, ticks = (period / reads, reads) if reads else (period, 1)
-    lam, mu, used = advance(plane.edges.steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds)
+    steps = plane.edges.steps
+    lam, mu, used, _ = advance(steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds, steps[:0])
     return float(lam), float(mu), float(used), places, speeds
 
 
@@ -89,7 +90,7 @@ def finish(plane: PhasePlane, commands: Sequence[float] | Floats, period: float,
     In periods: every piece of constant acceleration is recorded, and what ``advance`` reads lies on them but for
     rounding. Just before rest that is as large as its square root.
     """
-    reads = 16
+    reads, none = 16, np.empty(0)
     lam = mu = clock = 0.0
     pieces, read = [np.zeros((1, 3))], []
     fastest = float(plane.upper(plane.rows.station).max())
@@ -98,7 +99,7 @@ def finish(plane: PhasePlane, commands: Sequence[float] | Floats, period: float,
     for k in range(100_000):
         command = float(commands[k]) if k < len(commands) else 1.0
         was = lam
-        want = record_motion(plane.edges.steps, lam, mu, command, mode == "speed", period, 1, record)
+        want = advance(plane.edges.steps, lam, mu, command, mode == "speed", period, 1, none, none, record)
         lam, mu, used, places, speeds = run(plane, lam, mu, command, period, mode, reads)
         assert (np.diff(places) >= 0.0).all()
         assert was <= places[0]
