@@ -103,9 +103,7 @@ def plan_corners(
         most = np.repeat(most.min(axis=1, keepdims=True), 2, axis=1)
         joined = straight | (smooth & ((miss <= 0.0) | (remaining_distance is None) | (most[:, 0] <= 0.0)))
         if least_time:
-            room = 0.5 * lengths  # two blends share an inner segment
-            room[0], room[-1] = lengths[0], lengths[-1]
-            most = np.minimum(most, np.minimum(room[:-1], room[1:])[:, None])
+            most = np.minimum(most, _room(lengths)[:, None])
             shares, degree = least_time_shares(kind, shape, lengths, miss, most[:, 0], joined, limits)
         else:
             shares, degree = curve_shares(curve, shape_factor, count)
@@ -127,6 +125,13 @@ def plan_corners(
     return Corners(
         remaining=remaining, shares=shares, degree=degree, curve=coefficients, deviation=deviation, turn=turn
     )
+
+
+def _room(lengths: Floats) -> Floats:
+    """How far blends may reach from their corners (C,) [m]: two of them share an inner segment."""
+    room = 0.5 * lengths
+    room[0], room[-1] = lengths[0], lengths[-1]
+    return np.minimum(room[:-1], room[1:])
 
 
 def _check_curves(

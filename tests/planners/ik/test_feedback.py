@@ -19,7 +19,7 @@ from armtempo.errors import InputError, RobotError, UnknownNameError
 from armtempo.planners import FeedbackIK, IKGains, PoseTarget
 from armtempo.planners.ik import IKRun, Integrator, SphericalWristIK
 from armtempo.planners.ik._feedback import IKCapKeywords, IKCaps, ranges_near_zero
-from armtempo.planners.ik._law import law_at, law_speeds, scratch, tip_and_jacobian
+from armtempo.planners.ik._law import law_at, law_speeds, scaled, scratch, tip_and_jacobian
 from armtempo.planners.ik._track import track_many
 from armtempo.robots import Arm, Tool
 
@@ -587,6 +587,16 @@ def test_the_loops_own_jacobian_and_pose_are_the_arms() -> None:
             T = arm.tip_pose(q)
             np.testing.assert_allclose(room.J, arm.jacobian(q), atol=1e-14)
             np.testing.assert_allclose(room.tip, np.vstack([T[:3, 3], T[:3, :3].T]), atol=1e-14)
+
+
+def test_a_scaled_law_differs_in_its_gains_and_its_damping_only(puma: Arm) -> None:
+    law = FeedbackIK(puma).law
+    other = scaled(law, (2.0, 3.0, 4.0, 10.0), 0.9)
+    assert (other.position_gain, other.approach_gain, other.normal_gain) == (2 * 50.9, 3 * 20.0, 4 * 25.5)
+    assert other.damping == 10.0 * law.damping
+    assert scaled(law, (1.0, 1.0, 1.0, 100.0), 0.9).damping == 0.9
+    changed = {"position_gain", "approach_gain", "normal_gain", "damping"}
+    assert all(np.array_equal(getattr(other, name), getattr(law, name)) for name in set(law._fields) - changed)
 
 
 def test_caps_as_a_record_and_as_keywords_have_the_same_names() -> None:
