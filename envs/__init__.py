@@ -100,8 +100,3 @@ __all__ = [
     "IKTrace",
     "ik_entries",
 ]
-
-for _env in (CoordinationEnv, YieldingEnv):
-    _env.__doc__ = (_env.__doc__ or "").replace("{table}", observation_table(COORDINATION_ENTRIES))
-BlendTrackingEnv.__doc__ = (BlendTrackingEnv.__doc__ or "").replace("{table}", observation_table(BLEND_ENTRIES))
-FeedbackIKEnv.__doc__ = (FeedbackIKEnv.__doc__ or "").replace("{table}", observation_table(ik_entries(6)))

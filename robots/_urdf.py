@@ -123,6 +123,12 @@ class _Reader:
             self.fail("file", f"cannot be read as XML: {error}", "repair it (run xacro first if it is a .xacro)")
         if root.tag != "robot":
             self.fail(f"<{root.tag}>", "is not a URDF's <robot>", "give a URDF file")
+        for element in root.iter():
+            if "xacro}" in element.tag:  # {http://wiki.ros.org/xacro}name, or another address
+                name = element.tag.split("}")[1]
+                self.fail(
+                    "file", f"holds xacro elements, <xacro:{name}> for one", "run xacro first, and give its output"
+                )
         capsules: dict[tuple[str, int], tuple[float, float]] = {}
         visible: set[str] = set()
         for kind in ("link", "joint"):

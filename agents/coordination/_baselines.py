@@ -102,8 +102,8 @@ class ExecutionPolicy:
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """The execution's commands, for those who act."""
-        if self._mode != env.mode:
-            self._execution, self._mode = self._make(env.mode), env.mode
+        if self._mode != env.options.mode:
+            self._execution, self._mode = self._make(env.options.mode), env.options.mode
         commands = self._execution.commands(*_states(observations, env))
         return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 

@@ -51,9 +51,9 @@ def learned_policy(name: str, env: CoordinationEnv) -> LearnedPolicy:
     """
     agent = find_agent(name)
     check_fits(name, agent, env, "coordination")
-    if agent.header.settings.get("mode", "speed") != env.mode:
+    if agent.header.settings.get("mode", "speed") != env.options.mode:
         raise InputError(
-            f"{name} was trained in mode {agent.header.settings['mode']}, and this is {env.mode}",
+            f"{name} was trained in mode {agent.header.settings['mode']}, and this is {env.options.mode}",
             remedy=f"evaluate it in mode {agent.header.settings['mode']}",
         )
     return LearnedPolicy(agent)

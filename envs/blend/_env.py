@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, Unpack, final
 
 from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
 from armtempo.envs.blend._observation import BLEND_ENTRIES, observe_blend
-from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
-from armtempo.envs.bodies import Physics, render_modes
+from armtempo.envs.blend._options import BlendKeywords, BlendOptions
+from armtempo.envs.blend._simulation import BlendSimulation, BlendTrace
+from armtempo.envs.bodies import render_modes
 from armtempo.envs.common import (
     TIME_LIMIT,
-    SingleArmEnv,
+    SingleAgentEnv,
     action_space,
-    check_names,
     deviation_reward,
     leaving_reward,
     observation_space,
+    options_of,
     progress_reward,
     read_action,
     time_reward,
 )
 from armtempo.planners import BlendCell
-from armtempo.planners.cells import PATH_FAMILIES, PROFILES, FamilyName, ProfileName, as_cell, draw_path
-
-RESET_OPTIONS = ("family", "curve", "shape_factor", "remaining_distance_m")
+from armtempo.planners.cells import as_cell, draw_path
 
 
 @final
-class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
+class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
     """An arm follows a path of lines and arcs with blended corners (``armtempo/BlendTracking-v0``; Lee2006).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period: the feed-rate override, ``f = (a + 1) / 2``.
@@ -40,7 +40,33 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
 
     **Observation**, Box, (15,) float32, the same for every cell:
 
-    {table}
+    =====  ==============================  =======  ====================================================================
+    index  name                            range    meaning
+    =====  ==============================  =======  ====================================================================
+    0      progress                        [-1, 1]  length that the reference has travelled, start -1, end 1
+    1      speed                           [-1, 1]  speed of the reference as a share of the line speed, 0 is -1
+    2      tip_speed                       [-1, 1]  speed of the tip as a share of the line speed, 0 is -1
+    3      acceleration                    [-1, 1]  acceleration of the reference as a share of its limit
+    4      override                        [-1, 1]  feed-rate override now, 0 is -1
+    5      curvature_0                     [-1, 1]  x / (1 + x), 0 is -1, x: normal acceleration at line speed 0 braking
+                                                    distances ahead / limit
+    6      curvature_1                     [-1, 1]  x / (1 + x), 0 is -1, x: normal acceleration at line speed 0.5
+                                                    braking distances ahead / limit
+    7      curvature_2                     [-1, 1]  x / (1 + x), 0 is -1, x: normal acceleration at line speed 1 braking
+                                                    distances ahead / limit
+    8      curvature_3                     [-1, 1]  x / (1 + x), 0 is -1, x: normal acceleration at line speed 2 braking
+                                                    distances ahead / limit
+    9      contour_error                   [-1, 1]  distance of the tip from the path as a share of what is allowed, 0
+                                                    is -1
+    10     lag                             [-1, 1]  how far the tip is behind its reference along the path, in units of
+                                                    the same
+    11     torque_use                      [-1, 1]  largest torque asked for as a share of its limit, 0 is -1
+    12     joint_speed_use                 [-1, 1]  largest joint speed as a share of its limit, 0 is -1
+    13     normal_use                      [-1, 1]  normal acceleration of the reference as a share of its limit, 0 is
+                                                    -1
+    14     time_to_go                      [-1, 1]  what the profile still takes at full rate, as a share of its
+                                                    duration; none is -1
+    =====  ==============================  =======  ====================================================================
 
     **Reward**: share of the path that the reference has covered; minus time in units of the profile's duration (on
     arrival charged to its exact instant); minus, over the same time, how far the tip's speed is from what the profile
@@ -60,44 +86,40 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
 
     Args:
         cell: Name of a bundled cell of kind blend, a cell file, or a built ``BlendCell``.
-        profile: ``line-speed``: the paper's, limits along the path only; ``limit-aware``: also across it.
-        mapping: From travelled length to the path: ``exact``, or the ``paper``'s predictor-corrector.
-        family: ``given`` path, or random ones: ``polyline``, ``zigzag``, ``line-arc`` (two-link arms and SCARAs).
-        physics: ``bullet`` or ``ideal`` (always on the reference).
-        model_error: The simulated bodies are heavier by this share than the controller believes (``bullet`` only).
-            0: it knows the arm exactly, and errors are those of the reference and of torques at their limits.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
-        max_episode_s: Time limit [s] instead of five durations.
         record: Keep a ``BlendTrace``.
+        options: ``BlendOptions`` by keyword: ``physics``, ``profile``, ``mapping``, ``family``, ``model_error``,
+            ``max_episode_s``.
+
+    Attributes:
+        options: The ``BlendOptions``.
+
+    Raises:
+        UnknownNameError: No such cell, option, or name as an option's value.
+        InputError: An option's value that an episode cannot have, or a cell of another kind.
+        RenderError: No such render mode.
 
     Version history:
         v0: first release.
     """
 
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
+    reset_options: ClassVar[tuple[str, ...]] = ("family", "curve", "shape_factor", "remaining_distance_m")
 
     def __init__(
         self,
         cell: BlendCell | str | Path = "lee2006",
         *,
-        profile: ProfileName = "line-speed",
-        mapping: MappingName = "exact",
-        family: FamilyName = "given",
-        physics: Physics = "bullet",
-        model_error: float = 0.0,
         render_mode: str | None = None,
-        max_episode_s: float | None = None,
         record: bool = False,
+        **options: Unpack[BlendKeywords],
     ) -> None:
-        super().__init__(render_mode, max_episode_s)
-        check_names(
-            ("profile", profile, PROFILES), ("mapping", mapping, MAPPINGS), ("family of paths", family, PATH_FAMILIES)
-        )
+        super().__init__(render_mode)
+        self.options = options_of(BlendOptions, options, BlendTrackingEnv)
         self.cell = as_cell(cell, BlendCell)
-        self.profile: ProfileName = profile
-        self.mapping: MappingName = mapping
-        self.family: FamilyName = family
-        self.simulation = BlendSimulation(self.cell, physics=physics, record=record, model_error=model_error)
+        self.simulation = BlendSimulation(
+            self.cell, physics=self.options.physics, record=record, model_error=self.options.model_error
+        )
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
 
@@ -111,37 +133,26 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
         """Duration of the episode's profile at full rate [s]."""
         return self.simulation.profile.duration
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats32, dict[str, Any]]:
-        """Put the arm at the start of its path, a new one unless ``family`` is ``given``.
-
-        Args:
-            seed: Of the draws.
-            options: For this episode: ``family``, ``curve``, ``shape_factor``, ``remaining_distance_m``.
+    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Floats32, dict[str, Any]]:
+        """At the start of the path, a new one unless ``family`` is ``given``.
 
         Raises:
-            UnknownNameError: No such option, or family.
+            UnknownNameError: No such family.
             ConfigError: An option that a cell file could not have.
             PathError: The corners cannot be blended so, or no path of the family can be followed.
-            InputError: ``options`` is no mapping, or the environment is closed.
         """
-        given = self._begin(options, RESET_OPTIONS)
-        super().reset(seed=seed)
         cell = draw_path(
             self.cell,
-            given.get("family", self.family),
+            options.get("family", self.options.family),
             self.np_random,
-            remaining_distance=given.get("remaining_distance_m"),
-            shape_factor=given.get("shape_factor"),
-            curve=given.get("curve"),
+            remaining_distance=options.get("remaining_distance_m"),
+            shape_factor=options.get("shape_factor"),
+            curve=options.get("curve"),
         )
-        self.simulation.reset(cell, self.profile, self.mapping)
-        self._limit = TIME_LIMIT * self.reference_time if self._max_episode is None else self._max_episode
+        self.simulation.reset(cell, self.options.profile, self.options.mapping)
+        longest = self.options.max_episode_s
+        self._limit = TIME_LIMIT * self.reference_time if longest is None else longest
         self._charged = self._before = 0.0
-        self._running = True
-        if self.render_mode == "human":
-            self.render()
         info = {
             "length_m": cell.blended.length,
             "duration_s": self.reference_time,
@@ -149,13 +160,7 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
         }
         return observe_blend(self.simulation), info
 
-    def step(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
-        """Run one control period.
-
-        Raises:
-            ActionError: The action is not one finite number, the episode is over, or the environment is closed.
-        """
-        self._check_running()
+    def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
         simulation = self.simulation
         simulation.step(read_action(action, self.cell.arm.name))
         arrived = simulation.arrival == simulation.arrival  # not nan
@@ -189,7 +194,4 @@ class BlendTrackingEnv(SingleArmEnv[BlendSimulation]):
             info["left"] = simulation.left
             if arrived:
                 info["arrival_s"] = simulation.arrival
-            self._running = False
-        if self.render_mode == "human":
-            self.render()
         return observe_blend(simulation), float(sum(terms.values())), terminated, truncated, info

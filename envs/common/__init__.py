@@ -5,6 +5,7 @@ from __future__ import annotations
 from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, read_actions
 from armtempo.envs.common._drawn_cells import DrawnCells, Slots, families_of
 from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
+from armtempo.envs.common._lifecycle import Lifecycle
 from armtempo.envs.common._options import check_bodies, check_names, check_time_limit, is_number, options_of
 from armtempo.envs.common._random import (
     BEGIN,
@@ -27,7 +28,7 @@ from armtempo.envs.common._rewards import (
     progress_reward,
     time_reward,
 )
-from armtempo.envs.common._single_agent import SingleArmEnv
+from armtempo.envs.common._single_agent import SingleAgentEnv
 from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ideal_options, spread
 from armtempo.envs.common._vector_parts import (
     Chunks,
@@ -64,12 +65,13 @@ __all__ = [
     "FAMILY",
     "LATE",
     "LENGTH",
+    "Lifecycle",
     "MASTER_LATE",
     "NOISE",
     "PHASE",
     "SPEED",
     "STOPS",
-    "SingleArmEnv",
+    "SingleAgentEnv",
     "TIME_LIMIT",
     "action_space",
     "check_late",

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
+from armtempo.envs.common._options import is_number
 from armtempo.errors import ActionError, InputError
 
 TIME_LIMIT = 5.0  # sequential times after which an episode is truncated
@@ -43,8 +44,7 @@ def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:
     return np.clip(values, -1.0, 1.0)
 
 
-def check_late(late: ArrayLike) -> None:
-    """Raise InputError unless all of ``late`` [s] are times to wait."""
-    times = np.asarray(late, dtype=np.float64)
-    if not (np.isfinite(times).all() and (times >= 0.0).all()):
+def check_late(late: object) -> None:
+    """Raise InputError unless ``late`` is a time [s] to wait."""
+    if not (is_number(late) and late >= 0.0):
         raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box
+
+MEANING_COLUMN = 48  # of a table
+MEANING_WIDTH = 68
 
 
 class Entry(NamedTuple):
@@ -38,9 +42,11 @@ def share(entry: float) -> float:
 
 
 def observation_table(entries: Sequence[Entry]) -> str:
-    """The table of entries as text, for docstrings."""
-    lines = ["====  ==============================  ==========  " + "=" * 70]
-    lines.append("index name                            range       meaning")
-    lines.append(lines[0])
-    lines += [f"{k:<5} {e.name:<31} [{e.low:g}, {e.high:g}]".ljust(49) + f" {e.meaning}" for k, e in enumerate(entries)]
-    return "\n    ".join([*lines, lines[0]])
+    """The table of entries as docstrings have it (a simple table of reStructuredText), 116 columns wide."""
+    rule = "=====  ==============================  =======  " + "=" * MEANING_WIDTH
+    lines = [rule, "index  name                            range    meaning", rule]
+    for k, entry in enumerate(entries):
+        first, *more = wrap(entry.meaning, MEANING_WIDTH)
+        lines.append(f"{k:<5}  {entry.name:<30}  {f'[{entry.low:g}, {entry.high:g}]':<7}  {first}")
+        lines += [" " * MEANING_COLUMN + rest for rest in more]
+    return "\n".join([*lines, rule])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from inspect import Parameter, signature
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -20,14 +21,24 @@ else:
     OptionsT = TypeVar("OptionsT")
 
 
-def options_of(kind: type[OptionsT], keywords: Mapping[str, Any]) -> OptionsT:
+def options_of(
+    kind: type[OptionsT], keywords: Mapping[str, Any], taker: Callable[..., object] | None = None
+) -> OptionsT:
     """The options that keywords mean.
+
+    Args:
+        kind: The record of options.
+        keywords: Some of its fields.
+        taker: What was called with them, beside arguments of its own: these are named to who misspells one, too.
 
     Raises:
         UnknownNameError: There is no such option; the message names the nearest one.
         InputError: A value that an episode cannot have.
     """
     known = [field.name for field in fields(kind)]
+    if taker is not None and not set(keywords) <= set(known):
+        own = signature(taker).parameters.values()
+        known += [parameter.name for parameter in own if parameter.kind is not Parameter.VAR_KEYWORD]
     check_names(*(("option", name, known) for name in keywords))
     return kind(**keywords)
 
@@ -39,7 +50,7 @@ def check_names(*choices: tuple[str, object, Sequence[str]]) -> None:
             raise UnknownNameError(kind, str(name), known)
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether it is one finite number; True and False are none."""
     return (
         isinstance(value, int | float | np.integer | np.floating)

@@ -1,87 +1,98 @@
-"""What the environments of one arm share: arguments, resets and steps out of turn, pictures, the end."""
+"""What the environments of one agent share: Gymnasium's reset, step, render and close; a kind says what is in them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Generic, Protocol, TypeVar
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.arrays import Floats, Floats32
-from armtempo.envs.bodies import Renderer, check_render_mode
-from armtempo.envs.common._options import check_names, check_time_limit
-from armtempo.errors import ActionError, InputError, RenderError
-from armtempo.planners import BlendCell, IKCell
+from armtempo.arrays import Floats32
+from armtempo.envs.bodies import Renderer
+from armtempo.envs.common._lifecycle import Drawable, Lifecycle
 
 
-class _Simulation(Protocol):
+class _Simulation(Drawable, Protocol):
     """What is asked of a simulation here."""
-
-    @property
-    def cell(self) -> BlendCell | IKCell: ...
-
-    def joint_positions(self) -> Floats: ...
 
     def close(self) -> None: ...
 
 
-Simulated = TypeVar("Simulated", bound=_Simulation)
+SimulationT = TypeVar("SimulationT", bound=_Simulation)
 
 
-class SingleArmEnv(gymnasium.Env[Floats32, Floats32], Generic[Simulated]):
-    """The part of an environment of one arm that does not depend on its task; subclasses make ``simulation``."""
+class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
+    """The part of an environment of one agent that does not depend on its task; a subclass makes ``simulation``."""
 
-    simulation: Simulated
+    reset_options: ClassVar[tuple[str, ...]]
+    """Names of what ``reset`` may be given for one episode."""
 
-    def __init__(self, render_mode: str | None, max_episode_s: float | None) -> None:
-        check_render_mode(render_mode)
-        check_time_limit(max_episode_s)
+    simulation: SimulationT
+    """The world below: positions, speeds, time."""
+
+    def __init__(self, render_mode: str | None) -> None:
+        self._life = Lifecycle(render_mode)
         self.render_mode = render_mode
-        self._max_episode = max_episode_s
-        self._renderer: Renderer | None = None
-        self._drawn: BlendCell | IKCell | None = None  # by the renderer
-        self._running = self._closed = False
 
-    def _begin(self, options: dict[str, Any] | None, known: Sequence[str]) -> Mapping[str, Any]:
-        """The options of a reset; the episode before is over, whatever comes."""
-        self._running = False  # until all has gone well
-        if self._closed:
-            raise InputError("the environment is closed", remedy="make a new one")
-        given = {} if options is None else options
-        if not isinstance(given, Mapping):
-            raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
-        check_names(*(("reset option", name, known) for name in given))
-        return given
+    @abstractmethod
+    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Floats32, dict[str, Any]]:
+        """Start an episode with these options; ``seeded``: ``np_random`` is new. Returns observation and info."""
 
-    def _check_running(self) -> None:
-        if self._closed:
-            raise ActionError("the environment is closed", remedy="make a new one")
-        if not self._running:
-            raise ActionError("the episode is over", remedy="call reset before step")
+    @abstractmethod
+    def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
+        """One control period; what ``step`` returns."""
 
     def _draw_extras(self, renderer: Renderer) -> None:
-        """What a task shows beside the arm and its path."""
+        """What a task shows beside arms and paths."""
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats32, dict[str, Any]]:
+        """Begin an episode; the one before is over, also if this raises.
+
+        Args:
+            seed: Of all draws from now on.
+            options: For this episode; the environment's docstring names its reset options.
+
+        Raises:
+            UnknownNameError: No such option, or a name as a value that does not exist.
+            InputError: ``options`` is no mapping, a value cannot be used, or the environment is closed.
+            ArmtempoError: What the cell's kind has to say of an option.
+        """
+        given = self._life.begin(options, self.reset_options)
+        super().reset(seed=seed)
+        observation, info = self._begin(given, seed is not None)
+        self._life.running = True
+        if self.render_mode == "human":
+            self.render()
+        return observation, info
+
+    def step(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
+        """Run one control period.
+
+        Raises:
+            ActionError: The action is not as many finite numbers as the space has (nothing has moved then), the episode
+                is over, or the environment is closed.
+        """
+        self._life.check_running()
+        observation, reward, terminated, truncated, info = self._run(action)
+        self._life.running = not (terminated or truncated)
+        if self.render_mode == "human":
+            self.render()
+        return observation, reward, terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._closed:
-            raise RenderError("the environment is closed", remedy="make a new one", mode=self.render_mode)
-        cell = self.simulation.cell
-        if self._renderer is None:
-            self._renderer = Renderer(cell, self.render_mode)
-        elif self._drawn is not cell:  # the same arm on another path
-            self._renderer.show(cell)
-        self._drawn = cell
-        self._draw_extras(self._renderer)
-        return self._renderer.render(self.simulation.joint_positions())
+        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode.
+
+        Raises:
+            RenderError: The environment is closed, or ``human`` without a display.
+        """
+        return self._life.render(self.simulation, self._draw_extras)
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        self._closed = True
+        self._life.close()
         self.simulation.close()
-        if self._renderer is not None:
-            self._renderer.close()

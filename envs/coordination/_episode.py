@@ -1,53 +1,39 @@
-"""What both environments share: commands from actions, rewards, ends and infos of an episode."""
+"""What the environments of several arms share: commands from actions, rewards, ends and infos of an episode."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
 from numpy.random import Generator
 
 from armtempo.arrays import Floats
-from armtempo.envs.bodies import Physics
 from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_from, progress_reward, time_reward
+from armtempo.envs.coordination._options import CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import CoordinationSimulation
-from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
-from armtempo.planners.topp import Mode
 
 
 def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[float, float]:
-    """The reference time of rewards, and after how long an episode is truncated [s].
-
-    Raises:
-        InputError: That is not positive.
-    """
+    """The reference time of rewards, and after how long an episode is truncated [s]."""
     reference = cell.sequential_makespan
-    limit = TIME_LIMIT * reference if max_episode_s is None else float(max_episode_s)
-    if not limit > 0.0:
-        raise InputError(f"max_episode_s must be positive, got {max_episode_s}", remedy="give seconds, or None")
-    return reference, limit
+    return reference, TIME_LIMIT * reference if max_episode_s is None else float(max_episode_s)
 
 
 @final
 class Episode:
     """The state of an episode of one cell, above the simulation."""
 
-    def __init__(
-        self,
-        cell: CoordinationCell,
-        *,
-        physics: Physics,
-        mode: Mode,
-        record: bool,
-        max_episode_s: float | None,
-        **options: Any,
-    ) -> None:
+    def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool) -> None:
         self.cell = cell
-        self.reference_time, self.time_limit = time_limit(cell, max_episode_s)
-        self.simulation = CoordinationSimulation(cell, physics=physics, mode=mode, record=record, **options)
+        self.reference_time, self.time_limit = time_limit(cell, options.max_episode_s)
+        self.simulation = CoordinationSimulation(
+            cell, physics=options.physics, mode=options.mode, record=record, disturbance=options.disturbance,
+            observation_noise=options.observation_noise, start_phase=options.start_phase,
+            master_late_s=options.master_late_s, model_error=options.model_error, friction_error=options.friction_error,
+        )  # fmt: skip
         self.lengths = [path.length for path in cell.paths]
         self._key: int | None = None
         self._number = -1
@@ -59,7 +45,7 @@ class Episode:
         self.timed_out = False
 
     def reset(
-        self, generator: Generator, seeded: bool, options: dict[str, Any] | None, shield: EpisodeShield | None = None
+        self, generator: Generator, seeded: bool, options: Mapping[str, Any], shield: EpisodeShield | None = None
     ) -> dict[str, Any]:
         """Start again; returns what was drawn.
 
@@ -70,11 +56,11 @@ class Episode:
             shield: Begins with it; places from which it finds no way on are drawn again.
 
         Raises:
-            InputError: That is negative or not finite.
+            InputError: That is no time.
             InfeasibleError: The shield finds no way on from the starts of the paths either.
         """
         late = None
-        if options and "master_late_s" in options:
+        if "master_late_s" in options:
             check_late(options["master_late_s"])
             late = np.zeros(len(self.lengths))
             late[0] = options["master_late_s"]
@@ -126,3 +112,7 @@ class Episode:
 def agent_names(arms: Sequence[object]) -> list[str]:
     """``arm_0``, ``arm_1``, ... in priority order."""
     return [f"arm_{i}" for i in range(len(arms))]
+
+
+RESET_OPTIONS = ("master_late_s",)
+"""What a reset may be given for one episode: how long the first arm stands before it obeys [s]."""

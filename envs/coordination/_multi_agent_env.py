@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from pathlib import Path
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, Unpack, final
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -13,21 +13,17 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_modes
-from armtempo.envs.common import action_space, observation_space, read_action
-from armtempo.envs.coordination._episode import Episode, agent_names
+from armtempo.envs.bodies import render_modes
+from armtempo.envs.common import Lifecycle, action_space, observation_space, options_of, read_action
+from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
+from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield
-from armtempo.envs.coordination.world import (
-    COORDINATION_ENTRIES,
-    CoordinationSimulation,
-    CoordinationTrace,
-    Disturbance,
-    Range,
-)
-from armtempo.errors import ActionError, InputError
+from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationSimulation, CoordinationTrace
+from armtempo.errors import ActionError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell
-from armtempo.planners.topp import Mode
+
+CHECKERS_OPTION = "options"  # PettingZoo's checkers reset every environment with an option of this name
 
 
 @final
@@ -43,7 +39,43 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
 
     **Observation**, Box, (21,) float32, the same for every cell:
 
-    {table}
+    =====  ==============================  =======  ====================================================================
+    index  name                            range    meaning
+    =====  ==============================  =======  ====================================================================
+    0      progress                        [-1, 1]  position on the own path, start -1, end 1
+    1      speed                           [-1, 1]  mu as a share of mu*, the highest speed from which the end can be
+                                                    met; 0 is -1
+    2      lowest_acceleration             [-1, 1]  LB as a share of 8 length / T^2 (T: minimum time)
+    3      highest_acceleration            [-1, 1]  UB as a share of the same
+    4      time_to_go                      [-1, 1]  what the minimum-time motion still takes from here as a share of T;
+                                                    none is -1
+    5      other_0.present                 [0, 1]   1 if the slot holds an arm
+    6      other_0.distance                [-1, 1]  way to the next collision region with it, as a share of the own
+                                                    path; none ahead is 1
+    7      other_0.release                 [-1, 1]  way it has still to go until that region is released, as a share of
+                                                    its path; 0 is -1
+    8      other_0.progress                [-1, 1]  its position on its path, start -1, end 1
+    9      other_0.speed                   [-1, 1]  its mu as a share of its mu*; 0 is -1
+    10     other_0.time_to_go              [-1, 1]  what its minimum-time motion still takes as a share of its T; none
+                                                    is -1
+    11     other_0.wait                    [-1, 1]  how long to wait so that the minimum-time motion from here passes
+                                                    behind its one from where it is, as a share of T; 0 and less: no
+                                                    need; no region ahead is -1
+    12     other_0.lead                    [-1, 1]  the same of it behind this arm, as a share of its T
+    13     other_1.present                 [0, 1]   1 if the slot holds an arm
+    14     other_1.distance                [-1, 1]  way to the next collision region with it, as a share of the own
+                                                    path; none ahead is 1
+    15     other_1.release                 [-1, 1]  way it has still to go until that region is released, as a share of
+                                                    its path; 0 is -1
+    16     other_1.progress                [-1, 1]  its position on its path, start -1, end 1
+    17     other_1.speed                   [-1, 1]  its mu as a share of its mu*; 0 is -1
+    18     other_1.time_to_go              [-1, 1]  what its minimum-time motion still takes as a share of its T; none
+                                                    is -1
+    19     other_1.wait                    [-1, 1]  how long to wait so that the minimum-time motion from here passes
+                                                    behind its one from where it is, as a share of T; 0 and less: no
+                                                    need; no region ahead is -1
+    20     other_1.lead                    [-1, 1]  the same of it behind this arm, as a share of its T
+    =====  ==============================  =======  ====================================================================
 
     **Clearance** is watched between the arms: by FCL at every tick in ``bullet``, in ``ideal`` from a table of such
     distances over both paths. Obstacles count when the cell is loaded: the paths are certified against them.
@@ -59,23 +91,24 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
     the goal below 10 mm/s for 20 ms. All terminate when two arms are closer than ``d_min`` at any tick. The episode
     is *truncated* at five times the sequential time.
 
+    **Reset options**, for this episode: ``master_late_s``, a number.
+
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
-        physics: ``bullet`` or ``ideal``.
-        mode: ``speed`` or ``acceleration``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
-        master_late_s: How long the first arm stands before it obeys its agent [s]: a number, or (lowest, highest).
-        max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep a ``CoordinationTrace``.
-        disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
-            (of the first arm), or a ``Disturbance``; none: None.
-        observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
-        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from.
-        model_error: In ``bullet``: by what share the simulated bodies are heavier than the plans'.
-        friction_error: In ``bullet``: by what share damping and dry friction of the joints are larger.
-        shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
-            ``info["shield"]``.
-        shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``disturbance``, ``observation_noise``,
+            ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``, ``shield_tube_m``,
+            ``max_episode_s``.
+
+    Attributes:
+        options: The ``CoordinationOptions``.
+
+    Raises:
+        UnknownNameError: No such cell, option, or name as an option's value.
+        InputError: An option's value that an episode cannot have, or a cell of another kind.
+        RenderError: No such render mode.
+        InfeasibleError: Under the shield, no passing order leads all arms to their ends.
 
     Version history:
         v0: first release.
@@ -92,38 +125,22 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         self,
         cell: CoordinationCell | str | Path = "lee1991",
         *,
-        physics: Physics = "bullet",
-        mode: Mode = "speed",
         render_mode: str | None = None,
-        master_late_s: float | Range = 0.0,
-        max_episode_s: float | None = None,
         record: bool = False,
-        disturbance: str | Disturbance | None = None,
-        observation_noise: float = 0.0,
-        start_phase: float | Range = 0.0,
-        model_error: float = 0.0,
-        friction_error: float = 0.0,
-        shield: bool = False,
-        shield_tube_m: float = 0.0,
+        **options: Unpack[CoordinationKeywords],
     ) -> None:
-        check_render_mode(render_mode)
-        self.cell = as_cell(cell, CoordinationCell)
-        self.physics: Physics = physics
-        self.mode: Mode = mode
+        self._life = Lifecycle(render_mode)
         self.render_mode = render_mode
-        self._episode = Episode(
-            self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s,
-            disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
-            master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
-        )  # fmt: skip
-        self._shield = EpisodeShield(self.simulation, tube_m=shield_tube_m) if shield else None
+        self.options = options_of(CoordinationOptions, options, CoordinationEnv)
+        self.cell = as_cell(cell, CoordinationCell)
+        self._episode = Episode(self.cell, self.options, record=record)
+        shield, tube_m = self.options.shield, self.options.shield_tube_m
+        self._shield = EpisodeShield(self.simulation, tube_m=tube_m) if shield else None
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
         self.observation_spaces = {agent: observation_space(COORDINATION_ENTRIES) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
-        self._renderer: Renderer | None = None
-        self._closed = False
         self.np_random, self.np_random_seed = seeding.np_random(None)
 
     @property
@@ -147,13 +164,23 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Floats32], dict[str, dict[str, Any]]]:
-        """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
-        if self._closed:
-            raise InputError("the environment is closed", remedy="make a new one")
+        """Begin an episode; the one before is over, also if this raises.
+
+        Args:
+            seed: Of all draws from now on.
+            options: For this episode; the environment's docstring names its reset options.
+
+        Raises:
+            UnknownNameError: No such option.
+            InputError: ``options`` is no mapping, a value cannot be used, or the environment is closed.
+            InfeasibleError: The shield finds no way on from the starts of the paths.
+        """
+        self.agents = []
+        given = self._life.begin(options, RESET_OPTIONS, ignored=(CHECKERS_OPTION,))
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, options, self._shield)
-        self.agents = self.possible_agents[:]
+        drawn = self._episode.reset(self.np_random, seed is not None, given, self._shield)
+        self.agents, self._life.running = self.possible_agents[:], True
         if self.render_mode == "human":
             self.render()
         rows = self.simulation.observe()
@@ -170,10 +197,7 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
             ActionError: An action is missing, of the wrong shape or not finite, the episode is over, or the
                 environment is closed.
         """
-        if self._closed:
-            raise ActionError("the environment is closed", remedy="make a new one")
-        if not self.agents:
-            raise ActionError("the episode is over", remedy="call reset before step")
+        self._life.check_running()
         commands = self._full_speed.copy()  # an arm at its goal stays there
         for agent in self.agents:
             if agent not in actions:
@@ -193,17 +217,18 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
             if self._shield is not None:
                 self._shield.report(i, infos[agent], terminations[agent] or truncations[agent])
         self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
+        self._life.running = bool(self.agents)
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
 
     def render(self) -> NDArray[np.uint8] | None:
-        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._renderer is None:
-            self._renderer = Renderer(self.cell, self.render_mode)
-        return self._renderer.render(self.simulation.joint_positions())
+        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode.
+
+        Raises:
+            RenderError: The environment is closed, or ``human`` without a display.
+        """
+        return self._life.render(self.simulation)
 
     def state(self) -> Floats32:
         """All observations in one vector."""
@@ -211,7 +236,5 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        self._closed = True
+        self._life.close()
         self.simulation.close()
-        if self._renderer is not None:
-            self._renderer.close()

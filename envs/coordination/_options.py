@@ -19,7 +19,7 @@ class CoordinationOptions:
 
     Raises:
         UnknownNameError: No such physics, mode or disturbance.
-        InputError: A value that an episode cannot have.
+        InputError: A value that an episode cannot have. Arms of a ``Disturbance`` are looked for when there is a cell.
     """
 
     physics: Physics = "bullet"
@@ -32,13 +32,13 @@ class CoordinationOptions:
     """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go or any."""
 
     observation_noise: float = 0.0
-    """Standard deviation of normal noise on what agents see, but for entries that are 0 or 1."""
+    """Standard deviation of normal noise on what agents see, but for "present" and padding."""
 
     start_phase: float | Range = 0.0
     """Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from."""
 
     master_late_s: float | Range = 0.0
-    """How long the first arm stands at its start [s]: a number, or (lowest, highest) to draw from."""
+    """How long the first arm stands before it obeys [s]: a number, or (lowest, highest) to draw from."""
 
     model_error: float = 0.0
     """In "bullet": by what share the simulated bodies are heavier than the plans'."""
@@ -47,7 +47,7 @@ class CoordinationOptions:
     """In "bullet": by what share damping and dry friction of the joints are larger."""
 
     shield: bool = False
-    """Let through only commands that can neither collide nor end in a deadlock."""
+    """Let through only commands that can neither collide nor end in a deadlock; infos say what it changed."""
 
     shield_tube_m: float = 0.0
     """How far arms may be off their references beyond what plans keep in reserve [m]."""
@@ -60,6 +60,11 @@ class CoordinationOptions:
         check_names(("mode", self.mode, MODES))
         if isinstance(self.disturbance, str):
             check_names(("disturbance", self.disturbance, DISTURBANCES))
+        elif not isinstance(self.disturbance, Disturbance | None):
+            raise InputError(
+                f"disturbance must be a name or a Disturbance, got {self.disturbance!r}",
+                remedy=f"known: {', '.join(DISTURBANCES)}",
+            )
         as_noise(self.observation_noise)
         as_range(self.start_phase, "start_phase", 0.999)
         as_range(self.master_late_s, "master_late_s", math.inf)

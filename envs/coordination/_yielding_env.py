@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, Unpack, final
 
-import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies import Physics, Renderer, check_render_mode, render_modes
-from armtempo.envs.common import action_space, observation_space, read_action
-from armtempo.envs.coordination._episode import Episode
+from armtempo.envs.bodies import render_modes
+from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_action
+from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode
+from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
-from armtempo.envs.coordination.world import (
-    COORDINATION_ENTRIES,
-    CoordinationSimulation,
-    CoordinationTrace,
-    Disturbance,
-    Range,
-    as_range,
-)
-from armtempo.errors import ActionError, InputError, UnknownNameError
+from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationSimulation, CoordinationTrace
+from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell
 from armtempo.planners.topp import Mode
 
 
 @final
-class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
+class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     """One arm learns when to yield to the others, which follow a baseline (``armtempo/Yielding-v0``).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
@@ -43,7 +35,43 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
 
     **Observation**, Box, (21,) float32, the same for every cell:
 
-    {table}
+    =====  ==============================  =======  ====================================================================
+    index  name                            range    meaning
+    =====  ==============================  =======  ====================================================================
+    0      progress                        [-1, 1]  position on the own path, start -1, end 1
+    1      speed                           [-1, 1]  mu as a share of mu*, the highest speed from which the end can be
+                                                    met; 0 is -1
+    2      lowest_acceleration             [-1, 1]  LB as a share of 8 length / T^2 (T: minimum time)
+    3      highest_acceleration            [-1, 1]  UB as a share of the same
+    4      time_to_go                      [-1, 1]  what the minimum-time motion still takes from here as a share of T;
+                                                    none is -1
+    5      other_0.present                 [0, 1]   1 if the slot holds an arm
+    6      other_0.distance                [-1, 1]  way to the next collision region with it, as a share of the own
+                                                    path; none ahead is 1
+    7      other_0.release                 [-1, 1]  way it has still to go until that region is released, as a share of
+                                                    its path; 0 is -1
+    8      other_0.progress                [-1, 1]  its position on its path, start -1, end 1
+    9      other_0.speed                   [-1, 1]  its mu as a share of its mu*; 0 is -1
+    10     other_0.time_to_go              [-1, 1]  what its minimum-time motion still takes as a share of its T; none
+                                                    is -1
+    11     other_0.wait                    [-1, 1]  how long to wait so that the minimum-time motion from here passes
+                                                    behind its one from where it is, as a share of T; 0 and less: no
+                                                    need; no region ahead is -1
+    12     other_0.lead                    [-1, 1]  the same of it behind this arm, as a share of its T
+    13     other_1.present                 [0, 1]   1 if the slot holds an arm
+    14     other_1.distance                [-1, 1]  way to the next collision region with it, as a share of the own
+                                                    path; none ahead is 1
+    15     other_1.release                 [-1, 1]  way it has still to go until that region is released, as a share of
+                                                    its path; 0 is -1
+    16     other_1.progress                [-1, 1]  its position on its path, start -1, end 1
+    17     other_1.speed                   [-1, 1]  its mu as a share of its mu*; 0 is -1
+    18     other_1.time_to_go              [-1, 1]  what its minimum-time motion still takes as a share of its T; none
+                                                    is -1
+    19     other_1.wait                    [-1, 1]  how long to wait so that the minimum-time motion from here passes
+                                                    behind its one from where it is, as a share of T; 0 and less: no
+                                                    need; no region ahead is -1
+    20     other_1.lead                    [-1, 1]  the same of it behind this arm, as a share of its T
+    =====  ==============================  =======  ====================================================================
 
     **Clearance** is watched between the arms: by FCL at every tick in ``bullet``, in ``ideal`` from a table of such
     distances over both paths. Obstacles count when the cell is loaded: the paths are certified against them.
@@ -57,35 +85,37 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
     **End**: *terminated* on arrival of the learning arm, and on a violation of ``d_min``; *truncated* at five times the
     sequential time. Arrival and violation as in ``CoordinationEnv``.
 
+    **Reset options**, for this episode: ``master_late_s``, a number.
+
     Args:
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         learner: Name of the learning arm; None: the last one.
         others: What the other arms do: ``phase-plane`` (minimum time, whatever the rest does), ``vci`` or another
             planning method, executed by precedence, or an ``Execution`` of your own. None: ``phase-plane`` for one
             other arm, ``vci`` for more, which would run into each other. The learner has its part in these plans; it is
-            free to keep to it or not.
-        physics: ``bullet`` or ``ideal``.
-        mode: ``speed`` or ``acceleration``.
+            free to keep to it or not. Under the shield arms at full speed pass first everywhere: where that does not
+            lead on, give ``optimal``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
-        master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
-        max_episode_s: Time limit [s] instead of five sequential times.
         record: Keep a ``CoordinationTrace``.
-        disturbance: What goes wrong with arms, drawn for every episode: ``late``, ``slow``, ``stop-and-go`` or ``any``
-            (of the first arm), or a ``Disturbance``; none: None.
-        observation_noise: Standard deviation of normal noise on the entries, but for ``present`` and padding.
-        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest) to draw from.
-        model_error: In ``bullet``: by what share the simulated bodies are heavier than the plans'.
-        friction_error: In ``bullet``: by what share damping and dry friction of the joints are larger.
-        shield: Let through only commands that can neither collide nor end in a deadlock; what it changed is in
-            ``info["shield"]``. Arms at full speed then pass first everywhere: where that leads on, else make it with
-            ``others="optimal"``.
-        shield_tube_m: How far arms may be off their references beyond what plans keep in reserve [m].
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``disturbance``, ``observation_noise``,
+            ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``, ``shield_tube_m``,
+            ``max_episode_s``.
+
+    Attributes:
+        options: The ``CoordinationOptions``.
+
+    Raises:
+        UnknownNameError: No such cell, arm, option, or name as an option's value.
+        InputError: An option's value that an episode cannot have, or a cell of another kind.
+        RenderError: No such render mode.
+        InfeasibleError: Under the shield, the learning arm cannot arrive behind the others.
 
     Version history:
         v0: first release.
     """
 
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
+    reset_options: ClassVar[tuple[str, ...]] = RESET_OPTIONS
 
     def __init__(
         self,
@@ -93,46 +123,25 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
         *,
         learner: str | None = None,
         others: str | Execution | None = None,
-        physics: Physics = "bullet",
-        mode: Mode = "speed",
         render_mode: str | None = None,
-        master_late_s: float | tuple[float, float] = 0.0,
-        max_episode_s: float | None = None,
         record: bool = False,
-        disturbance: str | Disturbance | None = None,
-        observation_noise: float = 0.0,
-        start_phase: float | Range = 0.0,
-        model_error: float = 0.0,
-        friction_error: float = 0.0,
-        shield: bool = False,
-        shield_tube_m: float = 0.0,
+        **options: Unpack[CoordinationKeywords],
     ) -> None:
-        check_render_mode(render_mode)
-        as_range(master_late_s, "master_late_s", math.inf)
+        super().__init__(render_mode)
+        self.options = options_of(CoordinationOptions, options, YieldingEnv)
         self.cell = as_cell(cell, CoordinationCell)
         self._own = learner_of(self.cell, learner)
-        self.render_mode = render_mode
-        self._episode = Episode(
-            self.cell, physics=physics, mode=mode, record=record, max_episode_s=max_episode_s,
-            disturbance=disturbance, observation_noise=observation_noise, start_phase=start_phase,
-            master_late_s=master_late_s, model_error=model_error, friction_error=friction_error,
-        )  # fmt: skip
+        self._episode = Episode(self.cell, self.options, record=record)
+        self.simulation = self._episode.simulation
         self.observation_space: Box = observation_space(COORDINATION_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
-        self._renderer: Renderer | None = None
-        self._running = self._closed = False
         self._full_speed = np.ones(len(self.cell.arms))
         self._others: Execution | None
         if others is None or isinstance(others, str):
-            self._others = next(iter(others_of(self.cell, others, mode, 1)), None)
+            self._others = next(iter(others_of(self.cell, others, self.options.mode, 1)), None)
         else:
             self._others = others
-        self._shield = self.make_shield(shield_tube_m) if shield else None
-
-    @property
-    def simulation(self) -> CoordinationSimulation:
-        """The world below: positions, speeds, time."""
-        return self._episode.simulation
+        self._shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
 
     @property
     def learner(self) -> int:
@@ -149,64 +158,34 @@ class YieldingEnv(gymnasium.Env[Floats32, Floats32]):
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats32, dict[str, Any]]:
-        """Put all arms at the start of their paths; ``options`` may give ``master_late_s`` for this episode."""
-        if self._closed:
-            raise InputError("the environment is closed", remedy="make a new one")
-        super().reset(seed=seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, options, self._shield)
+    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Floats32, dict[str, Any]]:
+        """All arms at the start of their paths, or where they are drawn.
+
+        Raises:
+            InfeasibleError: As ``Episode.reset``.
+        """
+        drawn = self._episode.reset(self.np_random, seeded, options, self._shield)
         if self._others is not None:
             self._others.reset()
-        self._running = True
-        if self.render_mode == "human":
-            self.render()
         return self.simulation.observe()[self._own], {
             "master_late_s": drawn["late_s"][0],
             "disturbance": drawn,
         }
 
-    def step(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
-        """Run one control period.
-
-        Raises:
-            ActionError: The action is not one finite number, the episode is over, or the environment is closed.
-        """
-        if self._closed:
-            raise ActionError("the environment is closed", remedy="make a new one")
-        if not self._running:
-            raise ActionError("the episode is over", remedy="call reset before step")
+    def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
+        command = read_action(action, self.cell.arms[self._own].name)
         if self._others is None:
             commands = self._full_speed.copy()
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
-        commands[self._own] = read_action(action, self.cell.arms[self._own].name)
+        commands[self._own] = command
         if self._shield is not None:
             commands = self._shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
-        self._running = not (terminated or truncated)
         if self._shield is not None:
-            self._shield.report(self._own, info, not self._running)
-        if self.render_mode == "human":
-            self.render()
+            self._shield.report(self._own, info, terminated or truncated)
         return self.simulation.observe()[self._own], reward, terminated, truncated, info
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode."""
-        if self.render_mode is None:
-            return None
-        if self._renderer is None:
-            self._renderer = Renderer(self.cell, self.render_mode)
-        return self._renderer.render(self.simulation.joint_positions())
-
-    def close(self) -> None:
-        """Leave PyBullet; may be called twice."""
-        self._closed = True
-        self.simulation.close()
-        if self._renderer is not None:
-            self._renderer.close()
 
 
 def learner_of(cell: CoordinationCell, learner: str | None) -> int:

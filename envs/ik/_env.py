@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, final
+from typing import Any, ClassVar, Unpack, final
 
 import numpy as np
 from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies import Physics, Renderer, render_modes
+from armtempo.envs.bodies import Renderer, render_modes
 from armtempo.envs.common import (
-    SingleArmEnv,
+    SingleAgentEnv,
     action_space,
     check_names,
     deviation_reward,
     observation_space,
+    options_of,
     read_actions,
 )
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
+from armtempo.envs.ik._options import IKKeywords, IKOptions
 from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
 from armtempo.errors import InputError
 from armtempo.planners import IKCell
-from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName, as_cell, draw_target
+from armtempo.planners.cells import TARGET_FAMILIES, as_cell, draw_target
 
-RESET_OPTIONS = ("family",)
 REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}
 """Of the terms of the reward, in the order of ``IKSimulation.shares``."""
 GAINS = 4
@@ -52,7 +53,7 @@ def ik_spaces(cell: IKCell, action_mode: ActionMode) -> tuple[Box, Box]:
 
 
 @final
-class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
+class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
     """The tip of an arm follows a position and orientation over time (``armtempo/FeedbackIK-v0``; Chung, Ryu, Park).
 
     **Action**, Box(-1, 1, float32), for one control period, by ``action_mode``:
@@ -71,7 +72,72 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
 
     **Observation**, Box, float32. For 6 joints (46,); with n joints ``3 n + 28``:
 
-    {table}
+    =====  ==============================  =======  ====================================================================
+    index  name                            range    meaning
+    =====  ==============================  =======  ====================================================================
+    0      joint_0                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    1      joint_1                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    2      joint_2                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    3      joint_3                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    4      joint_4                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    5      joint_5                         [-1, 1]  joint position, lowest -1, highest 1; an angle without limits in
+                                                    half turns
+    6      joint_speed_0                   [-1, 1]  its speed as a share of its cap
+    7      joint_speed_1                   [-1, 1]  its speed as a share of its cap
+    8      joint_speed_2                   [-1, 1]  its speed as a share of its cap
+    9      joint_speed_3                   [-1, 1]  its speed as a share of its cap
+    10     joint_speed_4                   [-1, 1]  its speed as a share of its cap
+    11     joint_speed_5                   [-1, 1]  its speed as a share of its cap
+    12     joint_lag_0                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    13     joint_lag_1                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    14     joint_lag_2                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    15     joint_lag_3                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    16     joint_lag_4                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    17     joint_lag_5                     [-1, 1]  x / (1 + |x|), x: how far it is behind its reference [mrad, mm]
+    18     position_error_x                [-1, 1]  x / (1 + |x|), x: from the tip to the target in error scales, x
+    19     position_error_y                [-1, 1]  x / (1 + |x|), x: from the tip to the target in error scales, y
+    20     position_error_z                [-1, 1]  x / (1 + |x|), x: from the tip to the target in error scales, z
+    21     rotation_error_x                [-1, 1]  the same of the rotation vector, x
+    22     rotation_error_y                [-1, 1]  the same of the rotation vector, y
+    23     rotation_error_z                [-1, 1]  the same of the rotation vector, z
+    24     target_velocity_x               [-1, 1]  x / (1 + |x|), x: velocity of the target in lengths of the arm per
+                                                    second, x
+    25     target_velocity_y               [-1, 1]  x / (1 + |x|), x: velocity of the target in lengths of the arm per
+                                                    second, y
+    26     target_velocity_z               [-1, 1]  x / (1 + |x|), x: velocity of the target in lengths of the arm per
+                                                    second, z
+    27     target_turning_x                [-1, 1]  x / (1 + |x|), x: angular velocity of the target [rad/s], x
+    28     target_turning_y                [-1, 1]  x / (1 + |x|), x: angular velocity of the target [rad/s], y
+    29     target_turning_z                [-1, 1]  x / (1 + |x|), x: angular velocity of the target [rad/s], z
+    30     ahead_1_position_x              [-1, 1]  as position_error, to the target in 1 control period, in 10 error
+                                                    scales, x
+    31     ahead_1_position_y              [-1, 1]  as position_error, to the target in 1 control period, in 10 error
+                                                    scales, y
+    32     ahead_1_position_z              [-1, 1]  as position_error, to the target in 1 control period, in 10 error
+                                                    scales, z
+    33     ahead_1_rotation_x              [-1, 1]  the same of the rotation vector, x
+    34     ahead_1_rotation_y              [-1, 1]  the same of the rotation vector, y
+    35     ahead_1_rotation_z              [-1, 1]  the same of the rotation vector, z
+    36     ahead_10_position_x             [-1, 1]  as position_error, to the target in 10 control periods, in 10 error
+                                                    scales, x
+    37     ahead_10_position_y             [-1, 1]  as position_error, to the target in 10 control periods, in 10 error
+                                                    scales, y
+    38     ahead_10_position_z             [-1, 1]  as position_error, to the target in 10 control periods, in 10 error
+                                                    scales, z
+    39     ahead_10_rotation_x             [-1, 1]  the same of the rotation vector, x
+    40     ahead_10_rotation_y             [-1, 1]  the same of the rotation vector, y
+    41     ahead_10_rotation_z             [-1, 1]  the same of the rotation vector, z
+    42     singular_value                  [-1, 1]  s / (s + damping), 0 is -1, s: the smallest singular value now
+    43     margin                          [-1, 1]  distance of the nearest position limit as a share of half its range,
+                                                    0 is -1
+    44     torque_use                      [-1, 1]  largest torque asked for as a share of its limit, 0 is -1
+    45     progress                        [-1, 1]  time, start of the target -1, end 1
+    =====  ==============================  =======  ====================================================================
 
     *What an agent knows.* With ``model_error`` 0 joint positions and speeds, the arm's own, are its whole state (the
     reference's are the same), but for how hard it planned to brake. Of the target it sees pose and velocity now, and
@@ -93,44 +159,50 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
     **End**: *terminated* with the target; *truncated* at ``max_episode_s``. ``is_success``: it lasted to the target's
     end, and the rms errors over all ticks were below the cell's scales.
 
+    **Infos**: ``time_s``, ``position_error_m``, ``orientation_error_rad``, ``singular_value``, ``damped``, ``capped``,
+    ``reward_terms``; after a reset ``duration_s`` and the errors; at the end ``position_error_rms_m`` and
+    ``orientation_error_rms_rad`` over all ticks, ``is_success``. ``position_error_mm`` and
+    ``position_error_rms_mm`` say the same in mm; they go with the next release.
+
     **Reset options**, for this episode: ``family``.
 
     Args:
         cell: Name of a bundled cell of kind ik, a cell file, or a built ``IKCell``.
-        action_mode: ``speeds`` or ``gains``.
-        family: ``given`` target, or random ones: ``smooth``, ``near-singular``, ``partly-unreachable``.
-        physics: ``bullet`` or ``ideal`` (always on the reference).
-        model_error: The simulated bodies are heavier by this share than the controller believes (``bullet`` only).
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
-        max_episode_s: Time limit [s], if it is to end before its target.
         record: Keep an ``IKTrace``.
+        options: ``IKOptions`` by keyword: ``physics``, ``action_mode``, ``family``, ``model_error``, ``max_episode_s``.
+
+    Attributes:
+        options: The ``IKOptions``.
+
+    Raises:
+        UnknownNameError: No such cell, option, or name as an option's value.
+        InputError: An option's value that an episode cannot have, or a cell of another kind.
+        RenderError: No such render mode.
 
     Version history:
         v0: first release.
     """
 
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
+    reset_options: ClassVar[tuple[str, ...]] = ("family",)
 
     def __init__(
         self,
         cell: IKCell | str | Path = "chung",
         *,
-        action_mode: ActionMode = "speeds",
-        family: TargetFamilyName = "given",
-        physics: Physics = "bullet",
-        model_error: float = 0.0,
         render_mode: str | None = None,
-        max_episode_s: float | None = None,
         record: bool = False,
+        **options: Unpack[IKKeywords],
     ) -> None:
-        super().__init__(render_mode, max_episode_s)
-        self.cell = ik_cell(cell, action_mode, (family,))
-        self.action_mode: ActionMode = action_mode
-        self.family: TargetFamilyName = family
+        super().__init__(render_mode)
+        self.options = options_of(IKOptions, options, FeedbackIKEnv)
+        self.cell = as_cell(cell, IKCell)
         self.simulation = IKSimulation(
-            self.cell, physics=physics, action_mode=action_mode, record=record, model_error=model_error
-        )
-        seen, actions = ik_spaces(self.cell, action_mode)
+            self.cell, physics=self.options.physics, action_mode=self.options.action_mode, record=record,
+            model_error=self.options.model_error,
+        )  # fmt: skip
+        seen, actions = ik_spaces(self.cell, self.options.action_mode)
         self.observation_space: Box = seen  # type: ignore[assignment]
         self.action_space: Box = actions  # type: ignore[assignment]
 
@@ -139,43 +211,28 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats32, dict[str, Any]]:
-        """Put the arm where it starts, before a new target unless ``family`` is ``given``.
-
-        Args:
-            seed: Of the draws.
-            options: For this episode: ``family``.
+    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Floats32, dict[str, Any]]:
+        """Where the arm starts, before a new target unless ``family`` is ``given``.
 
         Raises:
-            UnknownNameError: No such option, or family.
+            UnknownNameError: No such family.
             PathError: No target of the family suits the arm.
-            InputError: ``options`` is no mapping, or the environment is closed.
         """
-        given = self._begin(options, RESET_OPTIONS)
-        super().reset(seed=seed)
-        cell = draw_target(self.cell, given.get("family", self.family), self.np_random)
+        cell = draw_target(self.cell, options.get("family", self.options.family), self.np_random)
         self.simulation.reset(cell)
-        self._limit = np.inf if self._max_episode is None else self._max_episode
-        self._running = True
-        if self.render_mode == "human":
-            self.render()
-        info = {
-            "duration_s": cell.duration,
-            "position_error_mm": 1e3 * self.simulation.position_error,
+        self._limit = np.inf if self.options.max_episode_s is None else self.options.max_episode_s
+        return self._observed(), {"duration_s": cell.duration, **self._errors()}
+
+    def _errors(self) -> dict[str, Any]:
+        """Of the pose now; in mm too, for one release."""
+        position = self.simulation.position_error
+        return {
+            "position_error_m": position,
+            "position_error_mm": 1e3 * position,
             "orientation_error_rad": self.simulation.orientation_error,
         }
-        return self._observed(), info
 
-    def step(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
-        """Run one control period.
-
-        Raises:
-            ActionError: The action is not as many finite numbers as the space has, the episode is over, or the
-                environment is closed.
-        """
-        self._check_running()
+    def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
         simulation = self.simulation
         simulation.step(read_actions(action, self.action_space.shape[0], self.cell.arm.name))
         cell = simulation.cell
@@ -189,22 +246,18 @@ class FeedbackIKEnv(SingleArmEnv[IKSimulation]):
         singular_value = simulation.singular_value
         info: dict[str, Any] = {
             "time_s": simulation.time,
-            "position_error_mm": 1e3 * simulation.position_error,
-            "orientation_error_rad": simulation.orientation_error,
+            **self._errors(),
             "singular_value": singular_value,
-            "damped": singular_value < cell.config.law.damping,
+            "damped": singular_value < cell.damping,
             "capped": bool(simulation.shares[3] > 0.0),
             "reward_terms": terms,
         }
         if terminated or truncated:
             position, orientation = np.sqrt(simulation.squares / simulation.tick).tolist()
-            info["position_error_rms_mm"], info["orientation_error_rms_rad"] = 1e3 * position, orientation
-            config = cell.config
-            close = position < config.error_scale_m and orientation < config.error_scale_rad
-            info["is_success"] = terminated and close
-            self._running = False
-        if self.render_mode == "human":
-            self.render()
+            info["position_error_rms_m"], info["position_error_rms_mm"] = position, 1e3 * position
+            info["orientation_error_rms_rad"] = orientation
+            most_position, most_orientation = cell.error_scales
+            info["is_success"] = terminated and position < most_position and orientation < most_orientation
         return self._observed(), float(sum(terms.values())), terminated, truncated, info
 
     def _observed(self) -> Floats32:

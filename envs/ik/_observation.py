@@ -95,25 +95,26 @@ def view_of(simulation: IKSimulation) -> IKView:
 
 def observe_ik(cell: IKCell, view: IKView) -> Floats32:
     """Observations (E, size), in the order of ``ik_entries``; a new array."""
-    arm, config, (q, *_) = cell.arm, cell.config, view
+    arm, (q, *_) = cell.arm, view
+    position_scale, rotation_scale = cell.error_scales
     limited = np.isfinite(arm.position_min) & np.isfinite(arm.position_max)
     low, high = np.where(limited, arm.position_min, -np.pi), np.where(limited, arm.position_max, np.pi)
     shown = np.where(limited, q, (q + np.pi) % (2.0 * np.pi) - np.pi)
     half = 0.5 * (high - low)
-    units = FAR * np.repeat([config.error_scale_m, config.error_scale_rad], 3)
+    units = FAR * np.repeat([position_scale, rotation_scale], 3)
     parts = [
         (shown - low) / half - 1.0,
         view.speeds / arm.speed_max,
         _soft((view.reference - q) / LAG),
-        _soft(view.error[:, :3] / config.error_scale_m),
-        _soft(view.error[:, 3:] / config.error_scale_rad),
+        _soft(view.error[:, :3] / position_scale),
+        _soft(view.error[:, 3:] / rotation_scale),
         _soft(view.velocity / cell.solver.length),
         _soft(view.turning),
         _soft(view.ahead / units).reshape(len(q), -1),
     ]
     room = np.minimum(q - arm.position_min, arm.position_max - q) / half
     shares = [
-        view.singular_value / (view.singular_value + config.law.damping),
+        view.singular_value / (view.singular_value + cell.damping),
         room.min(axis=1, initial=1.0, where=limited),
         (np.abs(view.demand) / arm.torque_max).max(axis=1),
         view.progress,

@@ -136,6 +136,14 @@ class PhasePlane:
         """Why nothing is controllable at a row of the grid."""
         dynamics = self.dynamics
         station = float(dynamics.grid[row])
+        if row == len(dynamics.grid) - 1 and self.mu_end**2 > self.rows.x_cap[row]:
+            cap = float(np.sqrt(self.rows.x_cap[row]))
+            return InfeasibleError(
+                f"mu_end = {self.mu_end:.6g} is above the speed limit {cap:.6g} at the end, station {station:.4g}",
+                remedy="end with a lower speed, or raise the speed limit there",
+                station=station,
+                row=row,
+            )
         hold = dynamics.S[row]
         over = np.maximum(hold - dynamics.torque_max[row], dynamics.torque_min[row] - hold)
         limit = int(over.argmax())

@@ -12,8 +12,8 @@ import pytest
 from armtempo.agents import highest_rate
 from armtempo.arrays import Floats32
 from armtempo.envs import BLEND_ENTRIES, MAPPINGS, PHYSICS, BlendTrackingEnv, Physics
-from armtempo.errors import ActionError, ConfigError, InputError, PathError, RenderError, UnknownNameError
-from armtempo.planners import BlendCell, CoordinationCell
+from armtempo.errors import ActionError, ConfigError, PathError, UnknownNameError
+from armtempo.planners import BlendCell
 from armtempo.planners.cells import PATH_FAMILIES, FamilyName, draw_path, motion_demand
 
 FULL = np.ones(1, dtype=np.float32)
@@ -213,8 +213,6 @@ def test_reset_options_change_the_corners_for_one_episode(lee2006: BlendCell) ->
     assert given == lee2006.blended.length
     options = {"remaining_distance_m": 0.05, "shape_factor": 2.0, "curve": "cubic"}
     assert env.reset(options=options)[1]["length_m"] > given  # smaller blends cut less off
-    with pytest.raises(UnknownNameError, match="unknown reset option 'whatever'"):
-        env.reset(options={"whatever": 1})
     blend = env.simulation.cell.config.blend
     assert (blend.remaining_distance_m, blend.shape_factor) == (0.05, 2.0)
     assert env.reset(options={"family": "polyline"})[1]["length_m"] != given
@@ -235,62 +233,27 @@ def test_reset_options_change_the_corners_for_one_episode(lee2006: BlendCell) ->
     for family in (None, 3):
         with pytest.raises(UnknownNameError, match=f"unknown family of paths '{family}'"):
             env.reset(options={"family": family})
-    env.reset()
-    with pytest.raises(InputError, match="options must map names to values, got 'x'"):
-        env.reset(options="x")  # type: ignore[arg-type]
-    with pytest.raises(ActionError, match="call reset"):  # not on in the episode before
-        env.step(FULL)
     env.close()
 
 
-def test_wrong_actions_and_steps_out_of_turn_are_refused(lee2006: BlendCell) -> None:
+def test_wrong_actions_are_refused(lee2006: BlendCell) -> None:
     env = BlendTrackingEnv(lee2006, physics="ideal")
-    with pytest.raises(ActionError, match="call reset"):
-        env.step(FULL)
     env.reset(seed=0)
     for action in (np.array([math.nan]), np.ones(2), "fast"):
         with pytest.raises(ActionError, match="action of scara must be one finite number"):
             env.step(action)  # type: ignore[arg-type]
     env.step(9.0 * FULL)  # clipped
     env.close()
-    with pytest.raises(InputError, match="keeps no trace"):
-        _ = env.trace
-    with pytest.raises(ActionError, match="environment is closed"):
-        env.step(FULL)
-    with pytest.raises(InputError, match="environment is closed"):
-        env.reset()
 
 
-def test_wrong_arguments_are_refused(
-    lee1991: CoordinationCell, lee2006: BlendCell, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
+def test_wrong_names_of_options_are_refused(lee2006: BlendCell) -> None:
     for options, known in (
         ({"profile": "linespeed"}, "line-speed"),
         ({"mapping": "papers"}, ", ".join(MAPPINGS)),
         ({"family": "zig"}, "zigzag"),
-        ({"physics": "bulet"}, "bullet"),
     ):
         with pytest.raises(UnknownNameError, match=known):
             BlendTrackingEnv(lee2006, **options)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="max_episode_s must be positive"):
-        BlendTrackingEnv(lee2006, max_episode_s=0.0)
-    for limit in ("3", math.nan, math.inf):
-        with pytest.raises(InputError, match="max_episode_s must be positive"):
-            BlendTrackingEnv(lee2006, max_episode_s=limit)  # type: ignore[arg-type]
-    for error in (-2.0, "a", True):
-        with pytest.raises(InputError, match="model_error must be a share"):
-            BlendTrackingEnv(lee2006, model_error=error)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"model_error is 0.1 and physics 'ideal'"):
-        BlendTrackingEnv(lee2006, model_error=0.1, physics="ideal")
-    with pytest.raises(InputError, match="a cell is a name or a file, got NoneType"):
-        BlendTrackingEnv(None)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="'lee1991' is a coordination cell, and a blend cell is needed"):
-        BlendTrackingEnv(lee1991)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=r"this is a coordination cell, and a blend cell is needed here"):
-        BlendTrackingEnv("lee1991")
-    with pytest.raises(RenderError, match="unknown render_mode"):
-        BlendTrackingEnv(lee2006, render_mode="ansi")
 
 
 def test_episodes_end_in_time(lee2006: BlendCell) -> None:
@@ -322,8 +285,6 @@ def test_observations_say_what_the_table_says(lee2006: BlendCell) -> None:
     ratio = float(lee2006.blended.curvature(s)) / lee2006.limits.normal
     assert seen["curvature_0"] == pytest.approx(2.0 * ratio / (1.0 + ratio) - 1.0, abs=1e-6)
     assert seen["normal_use"] == pytest.approx(min(2.0 * ratio - 1.0, 1.0), abs=1e-5)
-    for entry in BLEND_ENTRIES:
-        assert entry.name in (BlendTrackingEnv.__doc__ or "")
     env.close()
 
 

@@ -23,7 +23,6 @@ from armtempo.envs import (
     YieldingEnv,
     coordination_v0,
 )
-from armtempo.errors import ActionError, InputError
 from armtempo.planners import BlendCell, CoordinationCell, IKCell
 from armtempo.planners.topp import Mode
 
@@ -179,26 +178,3 @@ def test_agents_types_and_keys(lee1991: CoordinationCell, physics: Physics) -> N
         assert all(type(value) is bool for value in [*outcome[2].values(), *outcome[3].values()])
         assert env.agents == [agent for agent in before if not (outcome[2][agent] or outcome[3][agent])]
     env.close()
-
-
-def test_unknown_reset_options_are_ignored(lee1991: CoordinationCell) -> None:
-    env = CoordinationEnv(lee1991, physics="ideal")
-    observations, _ = env.reset(options={"options": 1})
-    assert list(observations) == env.agents == ["arm_0", "arm_1"]
-    env.close()
-
-
-def test_closed_environments_say_so(lee1991: CoordinationCell) -> None:
-    action = np.zeros(1, dtype=np.float32)
-    several, one = CoordinationEnv(lee1991, physics="ideal"), YieldingEnv(lee1991, physics="ideal")
-    several.reset(seed=0)
-    one.reset(seed=0)
-    several.close()
-    one.close()
-    with pytest.raises(ActionError, match="environment is closed"):
-        several.step(dict.fromkeys(several.agents, action))
-    with pytest.raises(ActionError, match="environment is closed"):
-        one.step(action)
-    for env in (several, one):
-        with pytest.raises(InputError, match="environment is closed"):
-            env.reset()

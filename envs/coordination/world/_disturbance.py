@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, uniform
+from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, is_number, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import CoordinationCell
@@ -96,10 +96,9 @@ def as_range(value: float | Range, name: str, highest: float) -> Range:
     Raises:
         InputError: It is neither, or not between 0 and ``highest``.
     """
-    try:
-        low, high = (float(end) for end in (value if isinstance(value, tuple | list) else (value, value)))
-    except (TypeError, ValueError):
-        low, high = math.nan, math.nan
+    ends = value if isinstance(value, tuple | list) else (value, value)
+    numbers = len(ends) == 2 and all(is_number(end) for end in ends)
+    low, high = (float(ends[0]), float(ends[1])) if numbers else (math.nan, math.nan)
     if not (0.0 <= low <= high <= highest and math.isfinite(high)):
         limits = "" if highest == math.inf else f", at most {highest:g}"
         raise InputError(
@@ -114,7 +113,7 @@ def as_noise(value: float) -> float:
     Raises:
         InputError: It is not.
     """
-    if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
+    if not (is_number(value) and value >= 0.0):
         raise InputError(
             f"observation_noise must be a finite number, 0 or more, got {value!r}", remedy="give 0 or more"
         )
