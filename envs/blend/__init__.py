@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from armtempo.envs.blend._env import BlendTrackingEnv
 from armtempo.envs.blend._observation import BLEND_ENTRIES
-from armtempo.envs.blend._options import BlendKeywords, BlendOptions
-from armtempo.envs.blend._simulation import MAPPINGS, BlendSimulation, BlendTrace, MappingName
+from armtempo.envs.blend._options import MAPPINGS, BlendKeywords, BlendOptions, MappingName
+from armtempo.envs.blend._simulation import BlendSimulation, BlendTrace
 from armtempo.envs.blend._vector_env import BlendTrackingVectorEnv
 
 __all__ = [

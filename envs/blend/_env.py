@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
+import numpy as np
 from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
@@ -117,9 +118,7 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
         super().__init__(render_mode)
         self.options = options_of(BlendOptions, options, BlendTrackingEnv)
         self.cell = as_cell(cell, BlendCell)
-        self.simulation = BlendSimulation(
-            self.cell, physics=self.options.physics, record=record, model_error=self.options.model_error
-        )
+        self.simulation = BlendSimulation(self.cell, self.options, record=record)
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
 
@@ -149,7 +148,7 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
             shape_factor=options.get("shape_factor"),
             curve=options.get("curve"),
         )
-        self.simulation.reset(cell, self.options.profile, self.options.mapping)
+        self.simulation.reset(cell)
         longest = self.options.max_episode_s
         self._limit = TIME_LIMIT * self.reference_time if longest is None else longest
         self._charged = self._before = 0.0
@@ -162,7 +161,7 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
 
     def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
         simulation = self.simulation
-        simulation.step(read_action(action, self.cell.arm.name))
+        simulation.step(np.array([read_action(action, self.cell.arm.name)]))
         arrived = simulation.arrival == simulation.arrival  # not nan
         until = simulation.arrival if arrived else simulation.time
         reference, length = self.reference_time, simulation.cell.blended.length

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Literal, TypedDict, get_args
 
-from armtempo.envs.blend._simulation import MAPPINGS, MappingName
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import check_bodies, check_names, check_time_limit
 from armtempo.planners.cells import PATH_FAMILIES, PROFILES, FamilyName, ProfileName
+
+MappingName = Literal["exact", "paper"]
+MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
 
 
 @dataclass(frozen=True, kw_only=True)

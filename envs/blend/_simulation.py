@@ -7,29 +7,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from typing import final
 
 import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.blend._kernels import follow_ideal, measure_tip
-from armtempo.envs.bodies import CONTROLLER_GAIN, SETTLED_DISTANCE, SETTLED_SPEED, SETTLED_TIME, Physics, TrackedArm
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.envs.blend._options import BlendOptions
+from armtempo.envs.bodies import Controller, End, Recorder, Settling, Trace
 from armtempo.planners import BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector
-from armtempo.planners.cells import PROFILES, ProfileName
-
-MappingName = Literal["exact", "paper"]
-MAPPINGS: tuple[MappingName, ...] = get_args(MappingName)
-
-
-_COLUMNS = (
-    "time", "s", "v", "a", "j", "override", "q", "tip", "station", "contour_error", "line_speed", "arc_speed",
-    "torque", "demand",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class BlendTrace:
+class BlendTrace(Trace[Floats]):
     """An episode at its ticks, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
 
     Attributes:
@@ -50,39 +40,23 @@ class BlendTrace:
     """
 
     cell: BlendCell
-    time: Floats
     s: Floats
     v: Floats
     a: Floats
     j: Floats
     override: Floats
-    q: Floats
     tip: Floats
     station: Floats
     contour_error: Floats
     line_speed: Floats
     arc_speed: Floats
-    torque: Floats
-    demand: Floats
-    torque_max: Floats
     arrival: float
     left: bool
 
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-
     @property
-    def torque_ratio_max(self) -> float:
-        """Largest |applied torque| / limit."""
-        return float(np.max(np.abs(self.torque) / self.torque_max))
-
-    @property
-    def torque_demand_ratio_max(self) -> float:
-        """Largest |demanded torque| / limit."""
-        return float(np.max(np.abs(self.demand) / self.torque_max))
+    def arrived(self) -> float:
+        """The ``arrival``."""
+        return self.arrival
 
 
 @final
@@ -91,9 +65,8 @@ class BlendSimulation:
 
     Args:
         cell: The arm on its path.
-        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
+        options: Of its episodes; the family of paths and the time limit are not its business.
         record: Keep a trace.
-        model_error: The bodies in PyBullet are heavier by this share than the controller believes.
 
     Attributes:
         cell, profile: Of this episode.
@@ -106,31 +79,27 @@ class BlendSimulation:
         left: Whether the tip is out of the tube.
     """
 
-    def __init__(
-        self, cell: BlendCell, *, physics: Physics = "bullet", record: bool = False, model_error: float = 0.0
-    ) -> None:
-        self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
-        self.physics, self.record = physics, record
+    def __init__(self, cell: BlendCell, options: BlendOptions, *, record: bool = False) -> None:
+        self.physics, self.record = options.physics, record
+        self._profile, self._mapping = options.profile, options.mapping
         self._tick, self._ticks_per_period = cell.physics_tick, cell.ticks_per_period
-        self._model = self._arm.model
-        self._q, self._qd, self._reference = self._arm.q, self._arm.qd, self._arm.reference
-        self._torque, self._demand = self._arm.torque, self._arm.demand
-        self._scene = self._arm.scene
+        self._model = cell.arm.model
+        self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
+        self._controller = Controller(cell, options.physics, model_error=options.model_error)
+        self._scene, self._q = self._controller.scene, self._controller.q
+        self._settling = Settling(1)
+        self._recorder = Recorder(wanted=record, tick=self._tick)
         self.tip: Floats = np.zeros(3)
-        self.reset(cell, "line-speed", "exact")
+        self.reset(cell)
 
-    def reset(self, cell: BlendCell, profile: ProfileName, mapping: MappingName) -> None:
+    def reset(self, cell: BlendCell) -> None:
         """To the start of the path of ``cell`` (the arm is the same), at rest."""
-        if profile not in PROFILES:
-            raise UnknownNameError("profile", str(profile), PROFILES)
-        if mapping not in MAPPINGS:
-            raise UnknownNameError("mapping", str(mapping), MAPPINGS)
         self.cell, self._path, self._packed = cell, cell.path, cell.blended.packed
-        self.profile: LineSpeedProfile = cell.profile(profile)
+        self.profile: LineSpeedProfile = cell.profile(self._profile)
         self.feed = FeedOverride(
-            self.profile, self.profile.limits, path=cell.blended if profile == "limit-aware" else None
+            self.profile, self.profile.limits, path=cell.blended if self._profile == "limit-aware" else None
         )
-        self._paper = PredictorCorrector(cell.blended).start() if mapping == "paper" else None
+        self._paper = PredictorCorrector(cell.blended).start() if self._mapping == "paper" else None
         if self._paper is not None:
             self._paper.advance(np.zeros(1))  # the first tick
         self._end = math.nan  # instant at which the reference arrives
@@ -138,16 +107,23 @@ class BlendSimulation:
         self._ticks = 0
         self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
         self.speed_deviation = self.mean_contour_error = 0.0
-        self.arrival, self._settled_since, self.left = math.nan, math.nan, False
-        self._arm.place(self._path.evaluate(0.0)[0])
+        self.arrival, self.left = math.nan, False
+        self._settling.reset()
+        self._controller.reset(self._path.evaluate(0.0)[0])
         self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], 0.0, self.tip)
-        self._rows: list[tuple[float | Floats, ...]] = []
-        self._keep()
+        self._recorder.clear()
+        if self.record:
+            self._keep(jerk=0.0, override=1.0)
 
     @property
     def time(self) -> float:
         """Instant [s]."""
         return self._ticks * self._tick
+
+    @property
+    def end(self) -> End:
+        """When the arm arrived, and whether the tip left the tube."""
+        return End(self.arrival, self.left)
 
     @property
     def lag(self) -> float:
@@ -157,21 +133,21 @@ class BlendSimulation:
     @property
     def joint_speeds(self) -> Floats:
         """(n,) joint speeds now."""
-        return np.array(self._qd[0])
+        return np.array(self._controller.qd[0])
 
     @property
     def demand(self) -> Floats:
         """(n,) torques asked for in the last tick, before clipping."""
-        return np.array(self._demand[0])
+        return np.array(self._controller.demand[0])
 
     def joint_positions(self) -> Floats:
         """(1, n) joint positions now."""
         return self._q.copy()
 
-    def step(self, override: float) -> None:
-        """Run one control period with the feed rate asked for; stops at the first tick out of the tube."""
+    def step(self, override: Floats) -> None:
+        """Run one control period with the feed rate (1,) asked for; stops at the first tick out of the tube."""
         feed, tick = self.feed, self._tick
-        feed.request(override)
+        feed.request(float(override[0]))
         done, sigma, rate = feed.done, feed.sigma, feed.override
         motion = feed.steps(tick, self._ticks_per_period)
         if feed.done and not done:  # the rest of the way at the rate before, inside the tick
@@ -194,7 +170,7 @@ class BlendSimulation:
             self._advance(wanted)
             seen.append((self.tip_speed, self.contour_error))
             if self.record:
-                self._keep(row[3], row[5])
+                self._keep(jerk=row[3], override=row[5])
             if self.left:
                 break
         speeds, errors = np.array(seen).T
@@ -202,27 +178,31 @@ class BlendSimulation:
 
     def _follow(self, motion: Floats, joints: Floats) -> tuple[Floats, Floats]:
         """The ticks of a period always on the reference; speeds of the tip and contour errors at them."""
-        n, tick = len(self._q[0]), self._tick
+        n, tick, controller = self._q.shape[1], self._tick, self._controller
         rows = np.empty((len(joints), 7 + 3 * n))
         near = self.station + self.arc_speed * tick if self._ticks else float(motion[0, 0])
-        begun, station = self._ticks, self.station
+        station = self.station
         ran = follow_ideal(
-            self._model, self._packed, joints, self._reference, self._arm.coulomb, self._arm.torque_max,
-            CONTROLLER_GAIN / tick, tick, near, self.cell.contour_error_max, self.tip, rows,
+            self._model, self._packed, joints, controller.reference[:, 0], self._coulomb, self._torque_max,
+            controller.gain, tick, near, self.cell.contour_error_max, self.tip, rows,
         )  # fmt: skip
+        motion, rows = motion[:ran], rows[:ran]
         rows[0, 3] = (rows[0, 0] - station) / tick
-        self._qd[0] = (self._reference[2] - self._reference[1]) / tick
-        for k in range(ran) if self.record else (ran - 1,):
-            self._ticks = begun + k + 1
-            self.s, self.v, self.a = motion[k, :3].tolist()
-            self.station, self.contour_error, self.tip_speed, self.arc_speed = rows[k, :4].tolist()
-            self._q[0], self._torque[0], self._demand[0] = rows[k, 7:].reshape(3, n)
-            self.tip = rows[k, 4:7].copy()
-            if self.record:
-                self._keep(*motion[k, [3, 5]].tolist())
+        self._ticks += ran
+        self.s, self.v, self.a = motion[-1, :3].tolist()
+        self.station, self.contour_error, self.tip_speed, self.arc_speed = rows[-1, :4].tolist()
+        joined = rows[:, 7:].reshape(ran, 3, 1, n)  # joint positions, torques, demand
+        controller.put(*joined[-1])
+        if self.record:
+            q, torque, demand = np.moveaxis(joined[:, :, 0], 1, 0)
+            self._recorder.extend(
+                s=motion[:, 0], v=motion[:, 1], a=motion[:, 2], j=motion[:, 3], override=motion[:, 5], q=q,
+                tip=rows[:, 4:7], station=rows[:, 0], contour_error=rows[:, 1], line_speed=rows[:, 2],
+                arc_speed=rows[:, 3], torque=torque, demand=demand,
+            )  # fmt: skip
         self.left = self.contour_error > self.cell.contour_error_max
         self._arrive()
-        return rows[:ran, 2], rows[:ran, 1]
+        return rows[:, 2], rows[:, 1]
 
     def _joints(self, lengths: Floats) -> Floats:
         """(K, n) reference joints at these travelled lengths."""
@@ -233,7 +213,7 @@ class BlendSimulation:
     def _advance(self, joints: Floats) -> None:
         """One tick in PyBullet towards the reference ``joints`` (n,)."""
         tick = self._tick
-        self._arm.advance(joints)
+        self._controller.track(joints[None])
         self._ticks += 1
         before, station = self.tip.tolist(), self.station
         near = self.s if self._ticks == 1 else station + self.arc_speed * tick
@@ -250,21 +230,17 @@ class BlendSimulation:
         if self._scene is None:
             self.arrival = self._end
             return
-        calm = math.dist(self.tip, self._goal) < SETTLED_DISTANCE and self.tip_speed < SETTLED_SPEED
-        if not calm:
-            self._settled_since = math.nan
-            return
-        if math.isnan(self._settled_since):
-            self._settled_since = self.time
-        if self.time - self._settled_since >= SETTLED_TIME - 1e-9:
-            self.arrival = max(self._end, self._settled_since)
+        distance = math.dist(self.tip, self._goal)
+        self._settling.watch(self.time, np.array([self._end]), np.array([distance]), np.array([self.tip_speed]))
+        self.arrival = float(self._settling.arrival[0])
 
-    def _keep(self, jerk: float = 0.0, override: float = 1.0) -> None:
-        self._rows.append(
-            (
-                self.time, self.s, self.v, self.a, jerk, override, self._q[0].copy(), self.tip.copy(), self.station,
-                self.contour_error, self.tip_speed, self.arc_speed, self._torque[0].copy(), self._demand[0].copy(),
-            )
+    def _keep(self, *, jerk: float, override: float) -> None:
+        """A row of the trace."""
+        controller = self._controller
+        self._recorder.add(
+            s=self.s, v=self.v, a=self.a, j=jerk, override=override, q=self._q[0], tip=self.tip, station=self.station,
+            contour_error=self.contour_error, line_speed=self.tip_speed, arc_speed=self.arc_speed,
+            torque=controller.torque[0], demand=controller.demand[0],
         )  # fmt: skip
 
     def trace(self) -> BlendTrace:
@@ -273,17 +249,14 @@ class BlendSimulation:
         Raises:
             InputError: Nothing was recorded.
         """
-        if not self.record:
-            raise InputError("this environment keeps no trace", remedy="make it with record=True")
-        columns = [np.array(column) for column in zip(*self._rows, strict=True)]
         return BlendTrace(
+            **self._recorder.columns(),
             cell=self.cell,
-            **dict(zip(_COLUMNS, columns, strict=True)),
-            torque_max=self._arm.torque_max.copy(),
+            torque_max=self.cell.arm.torque_max,
             arrival=self.arrival,
             left=self.left,
         )
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        self._arm.close()
+        self._controller.close()

@@ -10,8 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from armtempo.envs.blend._batch import BlendBatch
 from armtempo.envs.blend._observation import BLEND_ENTRIES
-from armtempo.envs.blend._options import BlendOptions
-from armtempo.envs.blend._simulation import MappingName
+from armtempo.envs.blend._options import BlendOptions, MappingName
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import VectorBase, action_space, count_of, families_of, ideal_options, observation_space
 from armtempo.planners import BlendCell

@@ -1,120 +1,87 @@
-"""One arm that follows a joint reference tick by tick: torque-controlled in PyBullet, or always on it."""
+"""Arms that follow joint references tick by tick: torque-controlled in PyBullet, or without bodies."""
 
 from __future__ import annotations
 
-import math
 from typing import Literal, final
 
 import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet
-from armtempo.envs.bodies._joint_control import joint_torques
+from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.envs.bodies._scene import Scene
-from armtempo.errors import InputError, UnknownNameError
-from armtempo.planners import BlendCell, IKCell
+from armtempo.planners import Cell
 
+Physics = Literal["bullet", "ideal"]
+PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
 
-def is_number(value: object) -> bool:
-    """Whether it is one finite number."""
-    return (
-        isinstance(value, int | float | np.integer | np.floating)
-        and not isinstance(value, bool)
-        and math.isfinite(value)
-    )
+CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
+SOLVER_ITERATIONS = 10  # a step; all that PyBullet solves for here is the joints' dry friction
 
 
 @final
-class TrackedArm:
-    """The arm of a cell, its controller and, in ``bullet``, its body.
+class Controller:
+    """The joint controllers of a cell's arms and, in ``bullet``, their bodies.
+
+    Arrays have one row per arm, padded with zeros to the largest number of joints.
 
     Args:
-        cell: The arm's cell.
-        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
-        model_error: The bodies in PyBullet are heavier by this share than the controller believes.
+        cell: Whose arms.
+        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: no bodies; whoever owns it puts the arms on
+            their references.
+        model_error: The bodies are heavier by this share than the controllers believe.
+        friction_error: Damping and dry friction of the bodies' joints are larger by this share.
 
     Attributes:
-        q, qd: (1, n) joint positions and speeds now.
-        reference: (3, n) joint positions asked for at the tick before, now and next; those of now at rest.
-        torque, demand: (1, n) torques of the last tick, and before they were clipped at the limits.
-        scene: The body; None in ``ideal``.
-
-    Raises:
-        UnknownNameError: No such physics.
-        InputError: A model error that no body can have, or without bodies.
+        q, qd: (A, n) joint positions and speeds now.
+        reference: (3, A, n) joint positions asked for at the tick before, now and next; those of now at rest.
+        torque, demand: (A, n) torques of the last tick, and before they were clipped at the limits.
+        gain: Bandwidth of the controllers [1/s].
+        scene: The bodies; None in ``ideal``.
     """
 
-    def __init__(self, cell: BlendCell | IKCell, *, physics: Physics, model_error: float) -> None:
-        if physics not in PHYSICS:
-            raise UnknownNameError("physics", str(physics), PHYSICS)
-        if not (is_number(model_error) and model_error > -1.0):
-            raise InputError(
-                f"model_error must be a share above -1, got {model_error!r}", remedy="give 0.1 for bodies 10 % heavier"
-            )
-        if model_error and physics == "ideal":
-            raise InputError(
-                f"model_error is {model_error:g} and physics 'ideal', which has no bodies to be heavier",
-                remedy="take physics='bullet', or leave model_error out",
-            )
-        n = cell.arm.dof
-        self.model, self.tick = cell.arm.model, cell.physics_tick
-        self.coulomb, self.torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
-        self.q: Floats = np.zeros((1, n))
-        self.qd: Floats = np.zeros((1, n))
-        self.reference = np.zeros((3, n))
-        self.torque: Floats = np.zeros((1, n))
-        self.demand: Floats = np.zeros((1, n))
-        self.scene: Scene | None = None
-        if physics == "bullet":
-            self.scene = Scene(cell)
-            if model_error:
-                self.scene.weigh(1.0 + model_error)
-            pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self.scene.client)
-            pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=self.scene.client)
+    def __init__(self, cell: Cell, physics: Physics, *, model_error: float = 0.0, friction_error: float = 0.0) -> None:
+        arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
+        self.tick = cell.physics_tick
+        self.gain = CONTROLLER_GAIN / self.tick
+        self._measured = np.zeros((2, arms, width))
+        self.q, self.qd = self._measured
+        self.reference: Floats = np.zeros((3, arms, width))
+        self.torque: Floats = np.zeros((arms, width))
+        self.demand: Floats = np.zeros((arms, width))
+        self._models, self._dofs = stack_models([arm.model for arm in cell.arms]), np.array([a.dof for a in cell.arms])
+        self._coulomb, self._torque_max = np.zeros((arms, width)), np.zeros((arms, width))
+        for i, arm in enumerate(cell.arms):
+            self._coulomb[i, : arm.dof], self._torque_max[i, : arm.dof] = arm.coulomb, arm.torque_max
+        self.scene = _scene_with_errors(cell, model_error, friction_error) if physics == "bullet" else None
 
-    def place(self, q: Floats) -> None:
-        """At rest at ``q`` (n,)."""
-        self.q[0], self.qd[0] = q, 0.0
+    def reset(self, q: Floats) -> None:
+        """At rest at ``q`` (A, n)."""
+        self.q[:], self.qd[:] = q, 0.0
         self.reference[:] = q
         self.torque[:], self.demand[:] = 0.0, 0.0
         if self.scene is not None:
-            self.scene.place(self.q)
+            self.scene.reset_joints(self.q)
 
-    def advance(self, joints: Floats) -> None:
-        """One tick in PyBullet towards the reference ``joints`` (n,)."""
-        reference, tick = self.reference, self.tick
-        reference[:2], reference[2] = reference[1:].copy(), joints
-        joint_torques(
-            self.model, reference[0], reference[1], reference[2], self.q[0], self.qd[0], self.coulomb, self.torque_max,
-            CONTROLLER_GAIN / tick, tick, self.demand[0], self.torque[0],
+    def track(self, joints: Floats) -> None:
+        """One tick in PyBullet towards the references ``joints`` (A, n)."""
+        control(
+            self._models, self._dofs, joints, self.gain, self.tick, self._measured, self.reference, self._coulomb,
+            self._torque_max, self.demand, self.torque,
         )  # fmt: skip
         assert self.scene is not None
-        self.scene.push(self.torque)
-        self.scene.read(self.q, self.qd)
+        self.scene.apply_torque(self.torque)
+        self.scene.read_joints(self.q, self.qd)
+
+    def put(self, q: Floats, torque: Floats, demand: Floats) -> None:
+        """Without physics: what is so, all (A, n), where the arms are on their references of now."""
+        self.qd[:] = (self.reference[2] - self.reference[1]) / self.tick
+        self.q[:], self.torque[:], self.demand[:] = q, torque, demand
 
     @property
     def clipped(self) -> bool:
         """Whether torques were, in the last tick."""
         return bool((self.demand != self.torque).any())
-
-    def follow(self, joints: Floats) -> Floats:
-        """Ticks in PyBullet towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n).
-
-        They end with the first in which torques were clipped: then there are fewer rows.
-        """
-        rows = np.empty((len(joints), 3, joints.shape[1]))
-        for k, wanted in enumerate(joints):
-            self.advance(wanted)
-            rows[k, 0], rows[k, 1], rows[k, 2] = self.q[0], self.torque[0], self.demand[0]
-            if self.clipped:
-                return rows[: k + 1]
-        return rows
-
-    def stay(self, reference: Floats, row: Floats) -> None:
-        """On its reference (3, n), without physics; ``row`` (3, n): q, torques and demand there."""
-        self.reference[:] = reference
-        self.qd[0] = (reference[2] - reference[1]) / self.tick
-        self.q[0], self.torque[0], self.demand[0] = row
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
@@ -122,19 +89,15 @@ class TrackedArm:
             self.scene.close()
 
 
-Physics = Literal["bullet", "ideal"]
-
-
-PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
-
-
-CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
-
-
-SETTLED_DISTANCE = 1e-3  # [m] of the tip from its goal, and
-
-
-SETTLED_SPEED = 1e-2  # [m/s] of the tip,
-
-
-SETTLED_TIME = 0.020  # [s] for which both must hold
+def _scene_with_errors(cell: Cell, model_error: float, friction_error: float) -> Scene:
+    """The arms in PyBullet, off by these shares from what is known of them."""
+    scene = Scene(cell)
+    pybullet.setGravity(*cell.gravity, physicsClientId=scene.client)
+    pybullet.setPhysicsEngineParameter(
+        numSolverIterations=SOLVER_ITERATIONS, deterministicOverlappingPairs=1, physicsClientId=scene.client
+    )
+    if model_error:
+        scene.scale_mass(1.0 + model_error)
+    if friction_error:
+        scene.scale_friction(1.0 + friction_error)
+    return scene

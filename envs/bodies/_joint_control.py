@@ -1,12 +1,17 @@
-"""Compiled: the joint controller's torques, and where the tip of an arm is."""
+"""Compiled: the joint controllers' torques, and where the tip of an arm is."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from armtempo.arrays import Floats
+from armtempo.arrays import Floats, Ints
 from armtempo.robots import ArmModel, njit
 from armtempo.robots import _kernels as kernels
+
+OF_THE_ARM = ("gravity", "base_R", "base_p", "tip_R", "tip_p")
+"""Fields of a model that have no row per joint."""
 
 
 @njit
@@ -41,6 +46,50 @@ def joint_torques(
     for j in range(n):  # friction: viscous as it is felt, dry as the reference moves
         demand[j] += model.damping[j] * qd[j] + coulomb[j] * np.sign(after[j] - now[j])
         torque[j] = min(max(demand[j], -torque_max[j]), torque_max[j])
+
+
+def stack_models(models: Sequence[ArmModel]) -> ArmModel:
+    """Models of A arms in one, for ``control``: each field has A rows, padded to the largest number of joints."""
+    width, stacked = max(len(model.mass) for model in models), []
+    for name, fields in zip(ArmModel._fields, zip(*models, strict=True), strict=True):
+        shape = fields[0].shape if name in OF_THE_ARM else (width, *fields[0].shape[1:])
+        rows = np.zeros((len(models), *shape), dtype=fields[0].dtype)
+        for row, field in zip(rows, fields, strict=True):
+            row[: len(field)] = field
+        stacked.append(rows)
+    return ArmModel(*stacked)
+
+
+@njit
+def control(
+    models: ArmModel,
+    dofs: Ints,
+    joints: Floats,
+    gain: float,
+    dt: float,
+    measured: Floats,
+    reference: Floats,
+    coulomb: Floats,
+    torque_max: Floats,
+    demand: Floats,
+    torque: Floats,
+) -> None:
+    """One tick of A controllers, from ``measured`` (2, A, n) to ``torque`` (A, n); ``joints`` (A, n) at its end.
+
+    ``models``: stacked; ``dofs`` (A,). ``reference`` (3, A, n): before, now, next; shifted here.
+    """
+    for i in range(dofs.shape[0]):
+        n = dofs[i]
+        reference[0, i], reference[1, i], reference[2, i] = reference[1, i], reference[2, i], joints[i]
+        model = ArmModel(
+            models.placement_R[i][:n], models.placement_p[i][:n], models.axis[i][:n], models.prismatic[i][:n],
+            models.mass[i][:n], models.com[i][:n], models.inertia[i][:n], models.damping[i][:n], models.gravity[i],
+            models.base_R[i], models.base_p[i], models.tip_R[i], models.tip_p[i],
+        )  # fmt: skip
+        joint_torques(
+            model, reference[0, i][:n], reference[1, i][:n], reference[2, i][:n], measured[0, i][:n],
+            measured[1, i][:n], coulomb[i][:n], torque_max[i][:n], gain, dt, demand[i][:n], torque[i][:n],
+        )  # fmt: skip
 
 
 @njit

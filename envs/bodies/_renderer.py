@@ -19,21 +19,21 @@ from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
 from armtempo.errors import RenderError
-from armtempo.planners import BlendCell, CoordinationCell, IKCell
+from armtempo.planners import Cell
 from armtempo.robots import Arm, Shape
 
-WIDTH, HEIGHT = 640, 480
-HARDWARE = pybullet.ER_BULLET_HARDWARE_OPENGL
+PICTURE_WIDTH, PICTURE_HEIGHT = 640, 480
+HARDWARE_RENDERER = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
 GREY = (0.6, 0.6, 0.6, 1.0)
-BEADS = 40  # per path
-BEAD = 0.004  # [m]
-BEAD_IK = 0.008
-AXIS = 0.15  # [m] of a target
-TILT = 0.35  # [rad] of the view from straight down
-TILT_IK = 1.15  # where poses are followed, which go up and down
+BEADS_PER_PATH = 40
+BEAD_RADIUS = 0.004  # [m]
+POSE_BEAD_RADIUS = 0.008  # [m] the same where poses are followed: it is seen from farther away
+TARGET_AXIS_LENGTH = 0.15  # [m] of a target
+VIEW_TILT = 0.35  # [rad] of the view from straight down
+POSE_VIEW_TILT = 1.15  # [rad] the same where poses are followed, which go up and down
 VIEW_DEG = 40.0  # vertical
-BORDER = 0.12  # of the picture, free around the arms
+BORDER_SHARE = 0.12  # of the picture, free around the arms
 _PROBE = """
 import importlib.util
 import pybullet
@@ -74,7 +74,7 @@ class Renderer:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: CoordinationCell | BlendCell | IKCell, mode: str) -> None:
+    def __init__(self, cell: Cell, mode: str) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",
@@ -85,27 +85,27 @@ class Renderer:
         self._scene = Scene(cell, window=mode == "human", egl=mode == "rgb_array" and egl_available())
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
-        self._beads = self._paint(BEAD_IK if isinstance(cell, IKCell) else BEAD)
-        self._axes = self._draw_axes() if isinstance(cell, IKCell) else []
+        self._beads = self._paint(POSE_BEAD_RADIUS if cell.follows_poses else BEAD_RADIUS)
+        self._axes = self._draw_axes() if cell.follows_poses else []
         for obstacle in cell.obstacles:
             self._stand(obstacle)
         self.show(cell)
 
-    def show(self, cell: CoordinationCell | BlendCell | IKCell) -> None:
+    def show(self, cell: Cell) -> None:
         """Show the paths of ``cell``, another than so far but with the same arms and obstacles, and look at them."""
         points = [arm.T_world_base[:3, 3] for arm in cell.arms]
-        for arm, row, (q, beads) in zip(cell.arms, self._beads, _sweeps(cell), strict=True):
+        for arm, row, (q, beads) in zip(cell.arms, self._beads, cell.sweeps(BEADS_PER_PATH), strict=True):
             for bead, place in zip(row, beads.tolist(), strict=True):
                 pybullet.resetBasePositionAndOrientation(
                     bead, place, [0.0, 0.0, 0.0, 1.0], physicsClientId=self._scene.client
                 )
             points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
-            if isinstance(cell, IKCell):
+            if cell.follows_poses:
                 points += [*_outline(arm, q)]
-        self._aim(np.array(points), TILT_IK if isinstance(cell, IKCell) else TILT)
+        self._aim(np.array(points), POSE_VIEW_TILT if cell.follows_poses else VIEW_TILT)
 
     def _paint(self, size: float) -> list[Sequence[int]]:
-        """Every arm in a colour of its own; beads for its path, ``BEADS`` each."""
+        """Every arm in a colour of its own; beads for its path, ``BEADS_PER_PATH`` each."""
         client, rows = self._scene.client, []
         for i, body in enumerate(self._scene.bodies):
             colour = COLOURS[i % len(COLOURS)]
@@ -115,7 +115,7 @@ class Renderer:
             bead = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=size, rgbaColor=pale, physicsClientId=client)
             rows.append(
                 pybullet.createMultiBody(
-                    baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=[[0.0, 0.0, 0.0]] * BEADS,
+                    baseMass=0.0, baseVisualShapeIndex=bead, batchPositions=[[0.0, 0.0, 0.0]] * BEADS_PER_PATH,
                     physicsClientId=client,
                 )
             )  # fmt: skip
@@ -126,8 +126,8 @@ class Renderer:
         client, rods = self._scene.client, []
         for k in range(3):
             shape = pybullet.createVisualShape(
-                pybullet.GEOM_CYLINDER, radius=0.006, length=AXIS,
-                visualFramePosition=[0.0, 0.0, 0.5 * AXIS], rgbaColor=[*(0.8 * np.eye(3)[k]), 1.0],
+                pybullet.GEOM_CYLINDER, radius=0.006, length=TARGET_AXIS_LENGTH,
+                visualFramePosition=[0.0, 0.0, 0.5 * TARGET_AXIS_LENGTH], rgbaColor=[*(0.8 * np.eye(3)[k]), 1.0],
                 physicsClientId=client,
             )  # fmt: skip
             rods.append(pybullet.createMultiBody(baseMass=0.0, baseVisualShapeIndex=shape, physicsClientId=client))
@@ -169,13 +169,14 @@ class Renderer:
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
         back = np.array([0.0, -np.sin(tilt), np.cos(tilt)])  # from the scene to the eye
         up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
-        height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER)
+        height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER_SHARE)
         right, above, nearer = np.stack([[1.0, 0.0, 0.0], up, back]) @ (points - centre).T
-        distance = max(0.2, float(np.max(nearer + np.maximum(np.abs(right) * HEIGHT / WIDTH, np.abs(above)) / height)))
+        across = np.abs(right) * PICTURE_HEIGHT / PICTURE_WIDTH
+        distance = max(0.2, float(np.max(nearer + np.maximum(across, np.abs(above)) / height)))
         eye = centre + distance * back
         self._view = pybullet.computeViewMatrix(eye.tolist(), centre.tolist(), up.tolist())
         self._projection = pybullet.computeProjectionMatrixFOV(
-            VIEW_DEG, WIDTH / HEIGHT, 0.1 * distance, 10.0 * distance
+            VIEW_DEG, PICTURE_WIDTH / PICTURE_HEIGHT, 0.1 * distance, 10.0 * distance
         )
         if self.mode == "human":
             pybullet.resetDebugVisualizerCamera(
@@ -184,39 +185,27 @@ class Renderer:
 
     def render(self, q: Floats) -> NDArray[np.uint8] | None:
         """Draw the arms at ``q`` (A, n): an image (480, 640, 3) uint8, or None in a window."""
-        self._scene.place(q)
+        self._scene.reset_joints(q)
         if self.mode == "human":
             return None
         _, _, pixels, _, bodies = pybullet.getCameraImage(
-            WIDTH,
-            HEIGHT,
+            PICTURE_WIDTH,
+            PICTURE_HEIGHT,
             self._view,
             self._projection,
             shadow=0,
             lightDirection=(0.3, -0.4, 1.0),
-            renderer=HARDWARE if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+            renderer=HARDWARE_RENDERER if self._scene.hardware else pybullet.ER_TINY_RENDERER,
             physicsClientId=self._scene.client,
         )
-        rgba = np.array(pixels, dtype=np.uint8).reshape(HEIGHT, WIDTH, 4)
-        background = np.reshape(bodies, (HEIGHT, WIDTH, 1)) < 0
+        rgba = np.array(pixels, dtype=np.uint8).reshape(PICTURE_HEIGHT, PICTURE_WIDTH, 4)
+        background = np.reshape(bodies, (PICTURE_HEIGHT, PICTURE_WIDTH, 1)) < 0
         np.putmask(rgba.view(np.uint32), background, 0xFFFFFFFF)  # on white, whichever renderer
         return np.ascontiguousarray(rgba[..., :3])
 
     def close(self) -> None:
         """Close window and client; may be called twice."""
         self._scene.close()
-
-
-def _sweeps(cell: CoordinationCell | BlendCell | IKCell) -> list[tuple[Floats, Floats]]:
-    """Of every arm: postures (BEADS, n) that it comes by, and points (BEADS, 3) that its tip is to come by."""
-    if isinstance(cell, IKCell):
-        rows = np.linspace(0, cell.ticks, BEADS).round().astype(int)
-        return [(cell.nominal.q[rows], cell.target.position[2 * rows])]
-    sweeps = []
-    for arm, path in zip(cell.arms, cell.paths, strict=True):
-        q = path.evaluate(np.linspace(0.0, path.length, BEADS))[0]
-        sweeps.append((q, arm.tip_pose(q)[:, :3, 3]))
-    return sweeps
 
 
 def _outline(arm: Arm, q: Floats) -> Floats:

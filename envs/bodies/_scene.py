@@ -11,9 +11,10 @@ from typing import Any, final
 from xml.etree import ElementTree
 
 from armtempo.arrays import Floats
+from armtempo.configs import ToolConfig
 from armtempo.envs.bodies._bullet import pybullet, quiet
 from armtempo.errors import RobotError
-from armtempo.planners import BlendCell, CoordinationCell, IKCell
+from armtempo.planners import Cell
 from armtempo.robots import Arm
 
 _FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those of the collision shapes
@@ -35,7 +36,7 @@ class Scene:
         hardware: Whether that plugin draws.
     """
 
-    def __init__(self, cell: CoordinationCell | BlendCell | IKCell, *, window: bool = False, egl: bool = False) -> None:
+    def __init__(self, cell: Cell, *, window: bool = False, egl: bool = False) -> None:
         self.cell = cell
         self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
@@ -45,20 +46,20 @@ class Scene:
         pybullet.setTimeStep(cell.physics_tick, physicsClientId=self.client)
         self.bodies: list[int] = []
         self.joints: list[list[int]] = []
-        for arm in cell.arms:
-            body = self._load(arm)
+        for arm, tool in zip(cell.arms, cell.tools, strict=True):
+            body = self._load(arm, tool)
             self.bodies.append(body)
             index = {
                 pybullet.getJointInfo(body, j, physicsClientId=self.client)[1].decode(): j
                 for j in range(pybullet.getNumJoints(body, physicsClientId=self.client))
             }
             self.joints.append([index[name] for name in arm.joint_names])
-            self._calm(body, self.joints[-1], arm)
+            self._disable_contacts_and_motors(body, self.joints[-1], arm)
 
-    def _load(self, arm: Arm) -> int:
+    def _load(self, arm: Arm, tool: ToolConfig | None) -> int:
         x, y, z, w = quat_xyzw(arm.T_world_base[:3, :3])
         with tempfile.TemporaryDirectory() as folder:
-            file = _with_tool(self.cell, arm, Path(folder))
+            file = _with_tool(arm, tool, Path(folder))
             try:
                 body: int = pybullet.loadURDF(
                     str(file), list(arm.T_world_base[:3, 3]), [x, y, z, w], useFixedBase=True, flags=_FLAGS,
@@ -72,7 +73,7 @@ class Scene:
                 ) from None
         return body
 
-    def _calm(self, body: int, driven: list[int], arm: Arm) -> None:
+    def _disable_contacts_and_motors(self, body: int, driven: list[int], arm: Arm) -> None:
         """No contacts, no damping but the arm's own, no motors but those that stand for dry friction.
 
         PyBullet adds ``-damping qd`` before every step, as the plans have it. Dry friction is a motor that wants to
@@ -94,7 +95,7 @@ class Scene:
                     damping = float(arm.damping[k])
                     pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=client)
 
-    def weigh(self, factor: float) -> None:
+    def scale_mass(self, factor: float) -> None:
         """Make every body of the arms so many times as heavy as its file says, inertia and all."""
         for body in self.bodies:
             for link in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
@@ -104,7 +105,7 @@ class Scene:
                     physicsClientId=self.client,
                 )  # fmt: skip
 
-    def rub(self, factor: float) -> None:
+    def scale_friction(self, factor: float) -> None:
         """Make damping and dry friction of every driven joint so many times as large as the arm's."""
         for body, joints, arm in zip(self.bodies, self.joints, self.cell.arms, strict=True):
             for k, joint in enumerate(joints):
@@ -115,19 +116,19 @@ class Scene:
                 damping = factor * float(arm.damping[k])
                 pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=self.client)
 
-    def place(self, q: Floats) -> None:
+    def reset_joints(self, q: Floats) -> None:
         """Put every arm at rest at ``q`` (A, n)."""
         for body, joints, row in zip(self.bodies, self.joints, q.tolist(), strict=True):
             for joint, value in zip(joints, row, strict=False):
                 pybullet.resetJointState(body, joint, value, 0.0, physicsClientId=self.client)
 
-    def read(self, q: Floats, qd: Floats) -> None:
+    def read_joints(self, q: Floats, qd: Floats) -> None:
         """Write positions and speeds of all arms to ``q``, ``qd`` (A, n)."""
         for i, (body, joints) in enumerate(zip(self.bodies, self.joints, strict=True)):
             for j, state in enumerate(pybullet.getJointStates(body, joints, physicsClientId=self.client)):
                 q[i, j], qd[i, j] = state[0], state[1]
 
-    def push(self, torque: Floats) -> None:
+    def apply_torque(self, torque: Floats) -> None:
         """Apply ``torque`` (A, n) for the next step and make it."""
         for body, joints, row in zip(self.bodies, self.joints, torque.tolist(), strict=True):
             pybullet.setJointMotorControlArray(
@@ -164,10 +165,9 @@ def quat_xyzw(R: Floats) -> tuple[float, float, float, float]:
     return float(x), float(y), float(z), float(w)
 
 
-def _with_tool(cell: CoordinationCell | BlendCell | IKCell, arm: Arm, folder: Path) -> Path:
-    """The arm's URDF, or a copy in ``folder`` with the cell's tool bolted to its tip."""
-    config = next(config for config in cell.config.arms if config.name == arm.name)
-    if config.tool is None:
+def _with_tool(arm: Arm, tool: ToolConfig | None, folder: Path) -> Path:
+    """The arm's URDF, or a copy in ``folder`` with a tool bolted to its tip."""
+    if tool is None:
         return arm.urdf
     tree = ElementTree.parse(arm.urdf)  # noqa: S314 (read before)
     for mesh in tree.iter("mesh"):
@@ -176,12 +176,12 @@ def _with_tool(cell: CoordinationCell | BlendCell | IKCell, arm: Arm, folder: Pa
             mesh.set("filename", str((arm.urdf.parent / name).resolve()))
     root = tree.getroot()
     link = ElementTree.SubElement(root, "link", name="armtempo_tool")
-    if config.tool.mass_kg > 0.0:
+    if tool.mass_kg > 0.0:
         inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, config.tool.com_m)))
-        ElementTree.SubElement(inertial, "mass", value=repr(config.tool.mass_kg))
+        ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, tool.com_m)))
+        ElementTree.SubElement(inertial, "mass", value=repr(tool.mass_kg))
         names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        values: dict[str, Any] = {name: repr(v) for name, v in zip(names, config.tool.inertia_kgm2, strict=True)}
+        values: dict[str, Any] = {name: repr(v) for name, v in zip(names, tool.inertia_kgm2, strict=True)}
         ElementTree.SubElement(inertial, "inertia", **values)
     else:  # PyBullet takes a link without an inertial for 1 kg
         inertial = ElementTree.SubElement(link, "inertial")

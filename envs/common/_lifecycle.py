@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armtempo.arrays import Floats
-from armtempo.envs.bodies import Renderer, check_render_mode
+from armtempo.envs.bodies import Renderer, Simulation, check_render_mode
 from armtempo.envs.common._options import check_names
 from armtempo.errors import ActionError, InputError, RenderError
-from armtempo.planners import BlendCell, CoordinationCell, IKCell
-
-
-class Drawable(Protocol):
-    """What is asked of a simulation to draw it."""
-
-    @property
-    def cell(self) -> CoordinationCell | BlendCell | IKCell:
-        """Arms, paths and bodies of this episode."""
-
-    def joint_positions(self) -> Floats:
-        """(A, n) joint positions now."""
+from armtempo.planners import Cell
 
 
 @final
@@ -47,7 +35,7 @@ class Lifecycle:
         self.render_mode = render_mode
         self.running = self.closed = False
         self._renderer: Renderer | None = None
-        self._drawn: object = None  # the cell that the renderer shows
+        self._drawn: Cell | None = None  # by the renderer
 
     def begin(self, options: object, known: Sequence[str], ignored: Sequence[str] = ()) -> Mapping[str, Any]:
         """The options of a reset; the episode before is over, whatever comes.
@@ -78,7 +66,7 @@ class Lifecycle:
             raise ActionError("the episode is over", remedy="call reset before step")
 
     def render(
-        self, simulation: Drawable, extras: Callable[[Renderer], None] | None = None
+        self, simulation: Simulation[Cell, Any], extras: Callable[[Renderer], None] | None = None
     ) -> NDArray[np.uint8] | None:
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode.
 

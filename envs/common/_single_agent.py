@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats32
-from armtempo.envs.bodies import Renderer
-from armtempo.envs.common._lifecycle import Drawable, Lifecycle
+from armtempo.envs.bodies import Renderer, Simulation
+from armtempo.envs.common._lifecycle import Lifecycle
 
-
-class _Simulation(Drawable, Protocol):
-    """What is asked of a simulation here."""
-
-    def close(self) -> None: ...
-
-
-SimulationT = TypeVar("SimulationT", bound=_Simulation)
+SimulationT = TypeVar("SimulationT", bound=Simulation[Any, Any])
 
 
 class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from armtempo.envs.coordination._batch import REWARDS, BatchSimulation
 from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
-from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
 from armtempo.envs.coordination._vector_envs import CoordinationVectorEnv, YieldingVectorEnv
 from armtempo.envs.coordination._yielding_env import YieldingEnv
+from armtempo.envs.coordination.world import CoordinationKeywords, CoordinationOptions
 
 __all__ = [
     "CoordinationKeywords",

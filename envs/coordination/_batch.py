@@ -22,25 +22,26 @@ from armtempo.envs.common import (
     spread,
 )
 from armtempo.envs.coordination._episode import time_limit
-from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.shield import admit_all, draw_shielded, shield_tables, shield_work
 from armtempo.envs.coordination.world import (
     OTHER,
     OTHERS,
     OWN,
     SIZE,
+    CoordinationKeywords,
+    CoordinationOptions,
     Draws,
     World,
     as_noise,
     describe,
     draw_all,
-    draws_of,
-    episodes_of,
     ideal_world,
+    make_draws,
+    make_episodes,
     observe,
     run_periods,
     scratch_for,
-    stops_of,
+    stops_max,
     uncertain_arms,
 )
 from armtempo.errors import InfeasibleError, InputError
@@ -96,12 +97,12 @@ class BatchSimulation:
         self.cell, self.mode = as_cell(cell, CoordinationCell), chosen.mode
         self.reference_time, self.time_limit = time_limit(self.cell, chosen.max_episode_s)
         E, A = count_of(episodes, "episodes"), len(self.cell.arms)
-        self._draws = draws_of(self.cell, chosen.disturbance, chosen.start_phase, chosen.master_late_s)
-        self._no_draws = draws_of(self.cell)
+        self._draws = make_draws(self.cell, chosen.disturbance, chosen.start_phase, chosen.master_late_s)
+        self._no_draws = make_draws(self.cell)
         self._noise, self._team = as_noise(chosen.observation_noise), reward == "team"
         self._world: World = ideal_world(self.cell, self.mode)
         self._d_min, self._tick = self.cell.d_min, self.cell.physics_tick
-        self._episodes = episodes_of(E, A, stops_of(self._draws))
+        self._episodes = make_episodes(E, A, stops_max(self._draws))
         self.lam, self.mu, self.arrival = self._episodes.lam, self._episodes.mu, self._episodes.arrival
         self.ticks, self.violated = self._episodes.ticks, self._episodes.violated
         self.observations = np.zeros((E, A, SIZE), dtype=np.float32)

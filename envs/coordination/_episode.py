@@ -10,9 +10,8 @@ from numpy.random import Generator
 
 from armtempo.arrays import Floats
 from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_from, progress_reward, time_reward
-from armtempo.envs.coordination._options import CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield
-from armtempo.envs.coordination.world import CoordinationSimulation
+from armtempo.envs.coordination.world import CoordinationOptions, CoordinationSimulation
 from armtempo.planners import CoordinationCell
 
 
@@ -29,11 +28,7 @@ class Episode:
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool) -> None:
         self.cell = cell
         self.reference_time, self.time_limit = time_limit(cell, options.max_episode_s)
-        self.simulation = CoordinationSimulation(
-            cell, physics=options.physics, mode=options.mode, record=record, disturbance=options.disturbance,
-            observation_noise=options.observation_noise, start_phase=options.start_phase,
-            master_late_s=options.master_late_s, model_error=options.model_error, friction_error=options.friction_error,
-        )  # fmt: skip
+        self.simulation = CoordinationSimulation(cell, options, record=record)
         self.lengths = [path.length for path in cell.paths]
         self._key: int | None = None
         self._number = -1

@@ -16,9 +16,14 @@ from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
 from armtempo.envs.common import Lifecycle, action_space, observation_space, options_of, read_action
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
-from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield
-from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationSimulation, CoordinationTrace
+from armtempo.envs.coordination.world import (
+    COORDINATION_ENTRIES,
+    CoordinationKeywords,
+    CoordinationOptions,
+    CoordinationSimulation,
+    CoordinationTrace,
+)
 from armtempo.errors import ActionError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell

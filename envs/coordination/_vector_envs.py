@@ -28,10 +28,9 @@ from armtempo.envs.common import (
     with_masks,
 )
 from armtempo.envs.coordination._batch import BatchSimulation
-from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
-from armtempo.envs.coordination.world import COORDINATION_ENTRIES
+from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell, Execution
 from armtempo.planners.cells import CellBase, as_cell

@@ -13,9 +13,14 @@ from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
 from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_action
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode
-from armtempo.envs.coordination._options import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
-from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationSimulation, CoordinationTrace
+from armtempo.envs.coordination.world import (
+    COORDINATION_ENTRIES,
+    CoordinationKeywords,
+    CoordinationOptions,
+    CoordinationSimulation,
+    CoordinationTrace,
+)
 from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from armtempo.envs.ik._env import FeedbackIKEnv
 from armtempo.envs.ik._observation import ik_entries
-from armtempo.envs.ik._options import IKKeywords, IKOptions
-from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode, IKSimulation, IKTrace
+from armtempo.envs.ik._options import ACTION_MODES, ActionMode, IKKeywords, IKOptions
+from armtempo.envs.ik._simulation import IKSimulation, IKTrace
 from armtempo.envs.ik._vector_env import FeedbackIKVectorEnv
 
 __all__ = [

@@ -26,7 +26,7 @@ from armtempo.envs.common import (
 from armtempo.envs.ik._env import REWARD_WEIGHTS
 from armtempo.envs.ik._observation import AHEAD, IKView, observe_ik
 from armtempo.envs.ik._options import IKOptions
-from armtempo.envs.ik._periods import IKEpisodes, drive_of, look_ahead, run_ik_periods
+from armtempo.envs.ik._periods import IKEpisodes, look_ahead, make_drive, run_ik_periods
 from armtempo.errors import InputError
 from armtempo.planners import IKCell
 from armtempo.planners.cells import draw_target
@@ -71,7 +71,7 @@ class IKBatch:
         self._targets = Slots(slots)
         self._starts, self._lasts = np.zeros((slots, n)), np.zeros(slots, dtype=np.int64)
         self._drawn.draw_beforehand()
-        self._drive = drive_of(cell, by_gains=options.action_mode == "gains")
+        self._drive = make_drive(cell, by_gains=options.action_mode == "gains")
         self._episodes = IKEpisodes(
             np.zeros(E, dtype=np.int64), np.zeros(E, dtype=np.int64), np.zeros((E, 3, n)), np.zeros((E, n)), np.ones(E),
             np.zeros((E, 6)), np.zeros((E, n)), np.zeros((E, 2)), np.zeros((E, 4)),
@@ -171,9 +171,9 @@ class IKBatch:
 
     def figures(self, over: Bools) -> dict[str, Any]:
         """How near to their targets episodes were that have ended."""
-        config = self.cell.config
+        position_scale, orientation_scale = self.cell.error_scales
         position, orientation = np.sqrt(self._episodes.squares / np.maximum(self._episodes.tick, 1)[:, None]).T
-        close = (position < config.error_scale_m) & (orientation < config.error_scale_rad)
+        close = (position < position_scale) & (orientation < orientation_scale)
         figures = {
             "is_success": self.terminated & close,
             "position_error_rms_m": np.where(over, position, np.nan),

@@ -20,8 +20,8 @@ from armtempo.envs.common import (
     read_actions,
 )
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
-from armtempo.envs.ik._options import IKKeywords, IKOptions
-from armtempo.envs.ik._simulation import ActionMode, IKSimulation, IKTrace
+from armtempo.envs.ik._options import ActionMode, IKKeywords, IKOptions
+from armtempo.envs.ik._simulation import IKSimulation, IKTrace
 from armtempo.planners import IKCell
 from armtempo.planners.cells import as_cell, draw_target
 
@@ -182,10 +182,7 @@ class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
         super().__init__(render_mode)
         self.options = options_of(IKOptions, options, FeedbackIKEnv)
         self.cell = as_cell(cell, IKCell)
-        self.simulation = IKSimulation(
-            self.cell, physics=self.options.physics, action_mode=self.options.action_mode, record=record,
-            model_error=self.options.model_error,
-        )  # fmt: skip
+        self.simulation = IKSimulation(self.cell, self.options, record=record)
         seen, actions = ik_spaces(self.cell, self.options.action_mode)
         self.observation_space: Box = seen  # type: ignore[assignment]
         self.action_space: Box = actions  # type: ignore[assignment]

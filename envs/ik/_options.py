@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Literal, TypedDict, get_args
 
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import check_bodies, check_names, check_time_limit
-from armtempo.envs.ik._simulation import ACTION_MODES, ActionMode
 from armtempo.planners.cells import TARGET_FAMILIES, TargetFamilyName
+
+ActionMode = Literal["speeds", "gains"]
+ACTION_MODES: tuple[ActionMode, ...] = get_args(ActionMode)
 
 
 @dataclass(frozen=True, kw_only=True)

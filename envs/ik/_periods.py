@@ -41,15 +41,15 @@ class IKDrive(NamedTuple):
     """(2,) errors of position [m] and orientation [rad] that count as one."""
 
 
-def drive_of(cell: IKCell, *, by_gains: bool) -> IKDrive:
+def make_drive(cell: IKCell, *, by_gains: bool) -> IKDrive:
     """Of a cell."""
-    arm, config = cell.arm, cell.config
+    arm = cell.arm
     unlimited = arm.speed_max / (UNLIMITED * cell.control_period)
     braking = np.where(np.isfinite(arm.acceleration_max), arm.acceleration_max, unlimited)
     return IKDrive(
         arm.model, cell.solver.law, by_gains, cell.physics_tick, cell.control_period, arm.speed_max,
         arm.acceleration_max, braking, arm.position_min, arm.position_max, arm.coulomb.copy(), arm.torque_max.copy(),
-        np.array([config.error_scale_m, config.error_scale_rad]),
+        np.array(cell.error_scales),
     )  # fmt: skip
 
 

@@ -7,26 +7,24 @@ joints in one ratio, to the way to stop that the period before had: that one alw
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from typing import final
 
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.bodies import Physics, TrackedArm
+from armtempo.envs.bodies import Controller, End, Recorder, Trace
 from armtempo.envs.ik._braking import HARDNESS, hardest_stop
 from armtempo.envs.ik._kernels import brake, pose_errors
-from armtempo.envs.ik._periods import ask_period, cut_shares, drive_of, sum_up
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.envs.ik._options import IKOptions
+from armtempo.envs.ik._periods import ask_period, cut_shares, make_drive, sum_up
 from armtempo.planners import IKCell
 from armtempo.planners.ik.kernels import Targets as IKTargets
 
-ActionMode = Literal["speeds", "gains"]
-ACTION_MODES: tuple[ActionMode, ...] = get_args(ActionMode)
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class IKTrace:
+class IKTrace(Trace[Floats]):
     """An episode at its ticks, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
 
     Attributes:
@@ -44,23 +42,12 @@ class IKTrace:
     """
 
     cell: IKCell
-    time: Floats
-    q: Floats
     reference: Floats
     tip: Floats
     target: Floats
     error: Floats
     capped: Bools
     singular_value: Floats
-    torque: Floats
-    demand: Floats
-    torque_max: Floats
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
 
     @property
     def position_error(self) -> Floats:
@@ -80,7 +67,7 @@ class IKTrace:
     @property
     def damped(self) -> Bools:
         """(T+1,) whether it was nearer to singular than where the cell's law is damped."""
-        return np.asarray(self.singular_value < self.cell.config.law.damping)
+        return np.asarray(self.singular_value < self.cell.damping)
 
 
 @final
@@ -89,10 +76,8 @@ class IKSimulation:
 
     Args:
         cell: The arm and its target.
-        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: always on its reference.
-        action_mode: ``speeds`` or ``gains``: what ``step`` is given.
+        options: Of its episodes; the family of targets and the time limit are not its business.
         record: Keep a trace.
-        model_error: The bodies in PyBullet are heavier by this share than the controller believes.
 
     Attributes:
         cell: Of this episode.
@@ -106,15 +91,13 @@ class IKSimulation:
         singular_value: The smallest one, of the task's Jacobian, lengths in units of the arm's.
     """
 
-    def __init__(
-        self, cell: IKCell, *, physics: Physics, action_mode: ActionMode, record: bool = False, model_error: float = 0.0
-    ) -> None:
-        if action_mode not in ACTION_MODES:
-            raise UnknownNameError("action mode", str(action_mode), ACTION_MODES)
-        self._arm = TrackedArm(cell, physics=physics, model_error=model_error)
-        self._drive = drive_of(cell, by_gains=action_mode == "gains")
-        self.physics, self.record = physics, record
-        self._scene = self._arm.scene
+    def __init__(self, cell: IKCell, options: IKOptions, *, record: bool = False) -> None:
+        self.physics, self.record = options.physics, record
+        self._model = cell.arm.model
+        self._drive = make_drive(cell, by_gains=options.action_mode == "gains")
+        self._controller = Controller(cell, options.physics, model_error=options.model_error)
+        self._scene = self._controller.scene
+        self._recorder = Recorder(wanted=record, tick=cell.physics_tick)
         self.reset(cell)
 
     def reset(self, cell: IKCell) -> None:
@@ -130,10 +113,11 @@ class IKSimulation:
         self.joint_speeds: Floats = np.zeros(arm.dof)
         self.squares: Floats = np.zeros(2)
         self.shares: Floats = np.zeros(4)
-        self._arm.place(cell.start)
-        rows = np.stack([self._arm.q, self._arm.torque, self._arm.demand], axis=1)
-        self._blocks: list[tuple[Floats, Floats, Floats, Floats, Bools]] = []
-        self._measure(self._arm.q.copy(), rows, np.zeros(1))
+        controller = self._controller
+        controller.reset(cell.start)
+        self._recorder.clear()
+        rows = np.stack([controller.q, controller.torque, controller.demand], axis=1)
+        self._measure(controller.q.copy(), rows, np.zeros(1))
 
     @property
     def time(self) -> float:
@@ -151,9 +135,14 @@ class IKSimulation:
         return self._ticks >= self.cell.ticks
 
     @property
+    def end(self) -> End:
+        """When the target ended; nothing is forbidden."""
+        return End(self.time if self.done else math.nan, False)
+
+    @property
     def reference(self) -> Floats:
         """(n,) joint positions asked for."""
-        return np.array(self._arm.reference[2])
+        return np.array(self._controller.reference[2, 0])
 
     @property
     def position_error(self) -> float:
@@ -168,40 +157,42 @@ class IKSimulation:
     @property
     def demand(self) -> Floats:
         """(n,) torques asked for in the last tick, before clipping."""
-        return np.array(self._arm.demand[0])
+        return np.array(self._controller.demand[0])
 
     def joint_positions(self) -> Floats:
         """(1, n) joint positions now."""
-        return self._arm.q.copy()
+        return self._controller.q.copy()
 
     @property
     def measured_speeds(self) -> Floats:
         """(n,) joint speeds now, the arm's own [rad/s, m/s]."""
-        return np.array(self._arm.qd[0])
+        return np.array(self._controller.qd[0])
 
     def pose_errors(self, q: Floats, rows: list[int]) -> Floats:
         """From the tip at ``q`` (n,) to the target at each of its ``rows`` (two a tick): (K, 6), as ``error``."""
         target, errors = self.cell.target, np.empty((len(rows), 6))
         pose_errors(
-            self._arm.model, np.repeat(q[None], len(rows), axis=0), target.position[rows], target.rotation[rows], 1,
+            self._model, np.repeat(q[None], len(rows), axis=0), target.position[rows], target.rotation[rows], 1,
             np.empty((len(rows), 3)), errors,
         )  # fmt: skip
         return errors
 
     def step(self, action: Floats) -> None:
         """Run one control period with an action in [-1, 1]: (n,) ``speeds`` at its end, or (4,) ``gains``."""
-        cell, drive, held = self.cell, self._drive, self._arm
+        cell, drive, controller = self.cell, self._drive, self._controller
+        reference = controller.reference[:, 0]
         ticks, n = cell.ticks_per_period, cell.arm.dof
         joints, cuts, after, rows = np.empty((ticks, n)), np.empty(ticks), np.empty((3, n)), np.empty((ticks, 3, n))
         asked, speeds = np.empty((2, ticks if drive.by_gains else 1, n))
         self._hardness = ask_period(
-            drive, action, self._targets, 2 * self._ticks, held.reference[2], self.joint_speeds, held.reference,
+            drive, action, self._targets, 2 * self._ticks, reference[2], self.joint_speeds, reference,
             self._hardness, joints, asked, speeds, after, rows,
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         cut_shares(asked, speeds, drive.speed_max, cuts)
         if self.physics == "ideal":
-            held.stay(after, rows[-1])
+            reference[:] = after
+            controller.put(*rows[-1][:, None])
         else:
             rows = self._follow(joints, asked, cuts)
         self._ticks += ticks
@@ -210,24 +201,36 @@ class IKSimulation:
 
     def _follow(self, joints: Floats, asked: Floats, cuts: Floats) -> Floats:
         """In PyBullet; where torques are clipped, as of bodies heavier than believed, the rest of ``joints`` brakes."""
-        ticks, held = len(joints), self._arm
-        rows = held.follow(joints)
-        while held.clipped:
+        ticks, rows = len(joints), self._track(joints)
+        while self._controller.clipped:
             k = len(rows)
             self._start_over()
             if k == ticks:
                 break
             braking = self._brake(joints[k:])
             cut_shares(np.repeat(asked[-1:], ticks - k, axis=0), braking, self._drive.speed_max, cuts[k:])
-            rows = np.concatenate([rows, held.follow(joints[k:])])
+            rows = np.concatenate([rows, self._track(joints[k:])])
+        return rows
+
+    def _track(self, joints: Floats) -> Floats:
+        """Ticks in PyBullet towards references ``joints`` (K, n): q, torques and demand after each, (K, 3, n).
+
+        They end with the first in which torques were clipped: then there are fewer rows.
+        """
+        controller, rows = self._controller, np.empty((len(joints), 3, joints.shape[1]))
+        for k, wanted in enumerate(joints):
+            controller.track(wanted[None])
+            rows[k, 0], rows[k, 1], rows[k, 2] = controller.q[0], controller.torque[0], controller.demand[0]
+            if controller.clipped:
+                return rows[: k + 1]
         return rows
 
     def _start_over(self) -> None:
         """The reference goes on from where the arm is, and as fast."""
-        drive, held = self._drive, self._arm
-        q = np.clip(held.q[0], drive.position_min, drive.position_max)
-        v = np.clip(held.qd[0], -drive.speed_max, drive.speed_max)
-        held.reference[:] = q - self.cell.physics_tick * np.array([[2.0], [1.0], [0.0]]) * v
+        drive, controller = self._drive, self._controller
+        q = np.clip(controller.q[0], drive.position_min, drive.position_max)
+        v = np.clip(controller.qd[0], -drive.speed_max, drive.speed_max)
+        controller.reference[:, 0] = q - self.cell.physics_tick * np.array([[2.0], [1.0], [0.0]]) * v
         self.joint_speeds = v
         period = drive.tick if drive.by_gains else drive.period
         hardness = hardest_stop(
@@ -240,8 +243,8 @@ class IKSimulation:
         """References ``joints`` (K, n) towards a stop; their speeds (K, n)."""
         drive, speeds = self._drive, np.empty_like(joints)
         brake(
-            self._arm.reference[2], self.joint_speeds, drive.tick, 1.0, self._hardness * drive.braking, drive.speed_max,
-            drive.position_min, drive.position_max, joints, speeds,
+            self._controller.reference[2, 0], self.joint_speeds, drive.tick, 1.0, self._hardness * drive.braking,
+            drive.speed_max, drive.position_min, drive.position_max, joints, speeds,
         )  # fmt: skip
         self.joint_speeds = speeds[-1].copy()
         return speeds
@@ -251,11 +254,14 @@ class IKSimulation:
         target, first = self.cell.target, 2 * (self._ticks + 1 - len(rows))
         tips, errors = np.empty((len(rows), 3)), np.empty((len(rows), 6))
         q = np.ascontiguousarray(rows[:, 0])
-        pose_errors(self._arm.model, q, target.position[first:], target.rotation[first:], 2, tips, errors)
+        pose_errors(self._model, q, target.position[first:], target.rotation[first:], 2, tips, errors)
         self.tip, self.error = tips[-1], errors[-1]
         self.singular_value = float(self.cell.singular_value(q[-1]))
         if self.record:
-            self._blocks.append((joints, rows, tips, errors, cuts > 0.0))
+            self._recorder.extend(
+                q=rows[:, 0], torque=rows[:, 1], demand=rows[:, 2], reference=joints, tip=tips, error=errors,
+                capped=cuts > 0.0,
+            )  # fmt: skip
         return errors
 
     def trace(self) -> IKTrace:
@@ -264,24 +270,15 @@ class IKSimulation:
         Raises:
             InputError: Nothing was recorded.
         """
-        if not self.record:
-            raise InputError("this environment keeps no trace", remedy="make it with record=True")
-        reference, rows, tip, error, capped = (np.concatenate(blocks) for blocks in zip(*self._blocks, strict=True))
+        columns = self._recorder.columns()
         return IKTrace(
+            **columns,
             cell=self.cell,
-            time=np.asarray(self.cell.physics_tick * np.arange(len(rows)), dtype=np.float64),
-            q=rows[:, 0].copy(),
-            reference=reference,
-            tip=tip,
-            target=self.cell.target.position[: 2 * len(rows) : 2].copy(),
-            error=error,
-            capped=capped,
-            singular_value=self.cell.singular_value(rows[:, 0]),
-            torque=rows[:, 1].copy(),
-            demand=rows[:, 2].copy(),
-            torque_max=self._arm.torque_max.copy(),
+            target=self.cell.target.position[: 2 * len(columns["q"]) : 2].copy(),
+            singular_value=self.cell.singular_value(columns["q"]),
+            torque_max=self.cell.arm.torque_max,
         )
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        self._arm.close()
+        self._controller.close()

@@ -12,8 +12,7 @@ from armtempo.envs.bodies import Physics
 from armtempo.envs.common import VectorBase, count_of, families_of, ideal_options
 from armtempo.envs.ik._batch import IKBatch
 from armtempo.envs.ik._env import ik_spaces
-from armtempo.envs.ik._options import IKOptions
-from armtempo.envs.ik._simulation import ActionMode
+from armtempo.envs.ik._options import ActionMode, IKOptions
 from armtempo.planners import IKCell
 from armtempo.planners.cells import TargetFamilyName, as_cell
 

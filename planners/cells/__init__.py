@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
 from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
-from armtempo.planners.cells._cell import Cell, CellBase
+from armtempo.planners.cells._cell import Cell, CellBase, Sweep, sweeps_along
 from armtempo.planners.cells._coordination_cell import CoordinationCell
 from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
@@ -16,6 +16,8 @@ __all__ = [
     "CELLS",
     "Cell",
     "CellBase",
+    "Sweep",
+    "sweeps_along",
     "CoordinationCell",
     "FamilyName",
     "IKCell",

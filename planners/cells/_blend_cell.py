@@ -13,7 +13,7 @@ from armtempo.configs import BlendCellConfig, change_blend
 from armtempo.errors import InfeasibleError, UnknownNameError
 from armtempo.planners.blends import BlendedPath
 from armtempo.planners.cells._arm_from_config import arm_from, located, segments_from
-from armtempo.planners.cells._cell import OneArmCell
+from armtempo.planners.cells._cell import OneArmCell, Sweep, sweeps_along
 from armtempo.planners.charts import check_path
 from armtempo.planners.geometry import Arc, Line
 from armtempo.planners.joint_paths import AbstractJointPath, CartesianJointPath, JointPath, ScaraPath, TwoLinkPath
@@ -133,6 +133,10 @@ class BlendCell(OneArmCell[BlendCellConfig]):
             self.config, curve=curve, shape_factor=shape_factor, remaining_distance_m=remaining_distance
         )
         return self.of(config, self.arm, self.segments if segments is None else segments)
+
+    def sweeps(self, count: int) -> tuple[Sweep, ...]:
+        """So many postures of the arm along its path, for pictures."""
+        return sweeps_along(self.arms, self.paths, count)
 
     @property
     def paths(self) -> tuple[AbstractJointPath]:

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 
-from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig
+import numpy as np
+
+from armtempo.arrays import Floats
+from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig, ToolConfig
+from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, Shape
 
-__all__ = ["Cell", "CellBase", "OneArmCell"]
+__all__ = ["Cell", "CellBase", "OneArmCell", "Sweep", "sweeps_along"]
 
 ConfigT = TypeVar("ConfigT", bound=AnyCellConfig)
 OneArmConfigT = TypeVar("OneArmConfigT", BlendCellConfig, IKCellConfig)
+
+
+class Sweep(NamedTuple):
+    """What an arm is to come by."""
+
+    q: Floats
+    """(K, n) joint positions [rad, m]."""
+    tip: Floats
+    """(K, 3) points for its tip [m]."""
 
 
 class Cell(Protocol):
@@ -29,6 +43,10 @@ class Cell(Protocol):
     @property
     def arms(self) -> tuple[Arm, ...]:
         """The arms in priority order."""
+
+    @property
+    def tools(self) -> tuple[ToolConfig | None, ...]:
+        """What each arm carries."""
 
     @property
     def obstacles(self) -> tuple[Shape, ...]:
@@ -49,6 +67,13 @@ class Cell(Protocol):
     @property
     def gravity(self) -> tuple[float, float, float]:
         """[m/s^2] in world axes."""
+
+    @property
+    def follows_poses(self) -> bool:
+        """Whether tips have to point somewhere, too, not only to be there."""
+
+    def sweeps(self, count: int) -> tuple[Sweep, ...]:
+        """So many postures of every arm along its way, for pictures."""
 
     def certify(self) -> None:
         """Check what can be checked before anything moves; raises PathError, InfeasibleError or CollisionError."""
@@ -84,8 +109,22 @@ class CellBase(Generic[ConfigT]):
     def certify(self) -> None:
         """Check what can be checked before anything moves; raises PathError, InfeasibleError or CollisionError."""
 
+    @abstractmethod
+    def sweeps(self, count: int) -> tuple[Sweep, ...]:
+        """So many postures of every arm along its way, for pictures."""
+
+    @property
+    def follows_poses(self) -> bool:
+        """Whether tips have to point somewhere, too, not only to be there."""
+        return False
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
+
+    @property
+    def tools(self) -> tuple[ToolConfig | None, ...]:
+        """What each arm carries."""
+        return tuple(arm.tool for arm in self.config.arms)
 
     @property
     def physics_tick(self) -> float:
@@ -129,3 +168,9 @@ class OneArmCell(CellBase[OneArmConfigT]):
     def obstacles(self) -> tuple[Shape, ...]:
         """None: these cells have no bodies but the arm."""
         return ()
+
+
+def sweeps_along(arms: Sequence[Arm], paths: Sequence[AbstractJointPath], count: int) -> tuple[Sweep, ...]:
+    """Of arms on joint paths, at equal shares of them."""
+    postures = [path.evaluate(np.linspace(0.0, path.length, count))[0] for path in paths]
+    return tuple(Sweep(q, arm.tip_pose(q)[:, :3, 3]) for arm, q in zip(arms, postures, strict=True))

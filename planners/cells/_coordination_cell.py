@@ -10,7 +10,7 @@ from typing import ClassVar, final
 from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
-from armtempo.planners.cells._cell import CellBase
+from armtempo.planners.cells._cell import CellBase, Sweep, sweeps_along
 from armtempo.planners.charts import CoordinationChart, check_path
 from armtempo.planners.coordination import MakespanBound, PassingOrders, PriorityClass, TimingProblem
 from armtempo.planners.joint_paths import AbstractJointPath
@@ -84,6 +84,10 @@ class CoordinationCell(CellBase[CellConfig]):
         if len(self.arms) > 1:
             with located(str(self.config.source)):
                 self.check_ends()
+
+    def sweeps(self, count: int) -> tuple[Sweep, ...]:
+        """So many postures of every arm along its path, for pictures."""
+        return sweeps_along(self.arms, self.paths, count)
 
     def __reduce__(self) -> tuple[object, tuple[CellConfig]]:
         return type(self).from_config, (self.config,)  # FCL's objects do not travel: another process builds it again

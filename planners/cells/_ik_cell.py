@@ -14,7 +14,7 @@ from armtempo.arrays import Floats
 from armtempo.configs import IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located
-from armtempo.planners.cells._cell import OneArmCell
+from armtempo.planners.cells._cell import OneArmCell, Sweep
 from armtempo.planners.geometry import Motion, PoseTarget, floats, harmonic, pose_matrix, rpy_matrix, through_poses
 from armtempo.planners.ik import FeedbackIK, IKGains, IKRun
 from armtempo.robots import Arm, Clearance
@@ -86,6 +86,16 @@ class IKCell(OneArmCell[IKCellConfig]):
         return replace(
             self, start=_checked_start(self.arm, start), target=sample_periods(self.config, motion, duration)
         )
+
+    @property
+    def follows_poses(self) -> bool:
+        """Yes."""
+        return True
+
+    def sweeps(self, count: int) -> tuple[Sweep]:
+        """So many postures of the nominal run, and where the target is meanwhile, for pictures."""
+        rows = np.linspace(0, self.ticks, count).round().astype(int)
+        return (Sweep(self.nominal.q[rows], self.target.position[2 * rows]),)
 
     @property
     def ticks(self) -> int:

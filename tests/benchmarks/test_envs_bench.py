@@ -156,7 +156,7 @@ def test_bullet_against_a_bare_loop(lee1991: CoordinationCell, capsys: pytest.Ca
     try:
         pybullet.setTimeStep(lee1991.physics_tick, physicsClientId=scene.client)
         pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=scene.client)
-        scene.place(np.array([path.evaluate(0.0)[0] for path in lee1991.paths]))
+        scene.reset_joints(np.array([path.evaluate(0.0)[0] for path in lee1991.paths]))
         ticks = lee1991.ticks_per_period
         ours, bare, ratio = _ratio(lambda: _seconds_per_step(env, 150) / ticks, lambda: _bare_loop(scene, 150 * ticks))
         with capsys.disabled():

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from armtempo.envs import CoordinationSimulation, CoordinationTrace
+from armtempo.envs import CoordinationOptions, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import CoordinationCell, build_cell
@@ -37,7 +37,7 @@ def slow(lee1991: CoordinationCell) -> CoordinationCell:
 
 
 def run(cell: CoordinationCell) -> CoordinationTrace:
-    simulation = CoordinationSimulation(cell, physics="bullet", record=True)
+    simulation = CoordinationSimulation(cell, CoordinationOptions(physics="bullet"), record=True)
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past: friction holds it there
     try:
         while not np.isfinite(simulation.arrival).all() and simulation.time < 2.0:
@@ -75,24 +75,26 @@ def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: CoordinationC
         body = scene.bodies[0]
         q = np.zeros((2, 2))
         qd = np.zeros((2, 2))
-        scene.place(q)
+        scene.reset_joints(q)
         for name in scene.joints[0]:
             pybullet.resetJointState(body, name, 0.0, 0.2, physicsClientId=scene.client)
         for _ in range(2000):
-            scene.push(np.zeros((2, 2)))
-        scene.read(q, qd)
+            scene.apply_torque(np.zeros((2, 2)))
+        scene.read_joints(q, qd)
         assert np.abs(qd[0]).max() < 1e-9
         assert q[0, 0] > 0.0
         resting = q.copy()
-        scene.push(np.full((2, 2), 0.1))  # less than the friction: it stays
-        scene.read(q, qd)
+        scene.apply_torque(np.full((2, 2), 0.1))  # less than the friction: it stays
+        scene.read_joints(q, qd)
         np.testing.assert_allclose(q, resting, atol=1e-6)
     finally:
         scene.close()
 
 
 def test_resets_stay_exact_with_friction(slow: CoordinationCell) -> None:
-    simulation = CoordinationSimulation(with_friction(slow, 0.5, 0.2), physics="bullet", record=True)
+    simulation = CoordinationSimulation(
+        with_friction(slow, 0.5, 0.2), CoordinationOptions(physics="bullet"), record=True
+    )
     runs = []
     for _ in range(2):
         simulation.reset([0.0, 0.6])

@@ -14,7 +14,15 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 import armtempo
-from armtempo.envs import COORDINATION_ENTRIES, PHYSICS, CoordinationEnv, CoordinationSimulation, Physics, share
+from armtempo.envs import (
+    COORDINATION_ENTRIES,
+    PHYSICS,
+    CoordinationEnv,
+    CoordinationOptions,
+    CoordinationSimulation,
+    Physics,
+    share,
+)
 from armtempo.planners import CoordinationCell
 
 assert armtempo.__version__
@@ -109,8 +117,8 @@ def test_the_two_most_constraining_arms_are_seen(four_arms: CoordinationCell) ->
 def test_clearance_may_be_skipped_never_missed(trio: CoordinationCell) -> None:
     """The least clearance of an episode is that of asking FCL at every tick."""
     commands = np.array([1.0, 0.0, 0.0])  # it comes by, and goes away
-    recorded = CoordinationSimulation(trio, physics="bullet", record=True)
-    simulation = CoordinationSimulation(trio, physics="bullet")
+    recorded = CoordinationSimulation(trio, CoordinationOptions(physics="bullet"), record=True)
+    simulation = CoordinationSimulation(trio, CoordinationOptions(physics="bullet"))
     asked_at = []
     for _ in range(90):
         simulation.step(commands)
@@ -148,9 +156,10 @@ import numpy as np
 from armtempo.configs import CellConfig
 from functools import partial
 from armtempo.agents import ExecutionPolicy
-from armtempo.planners import ScheduleExecution, VciExecution
+from armtempo.planners.schedules import ScheduleExecution, VciExecution
 from armtempo.envs import CoordinationEnv
-from armtempo.planners import Schedule, build_cell, load_cell, plan_vci
+from armtempo.planners import Schedule, build_cell, load_cell
+from armtempo.planners.coordination import plan_vci
 
 sys.path.insert(0, sys.argv[1])
 from conftest import ring_of_arms

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from armtempo.envs import CoordinationEnv, CoordinationSimulation, CoordinationTrace
+from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.planners import CoordinationCell, build_cell
 from armtempo.robots import Arm
@@ -37,7 +37,7 @@ def with_friction(cell: CoordinationCell, damping: float, coulomb: float) -> Coo
 
 def run(cell: CoordinationCell, *, model_error: float = 0.0, friction_error: float = 0.0) -> CoordinationTrace:
     simulation = CoordinationSimulation(
-        cell, physics="bullet", record=True, model_error=model_error, friction_error=friction_error
+        cell, CoordinationOptions(physics="bullet", model_error=model_error, friction_error=friction_error), record=True
     )
     simulation.reset([0.0, 0.6])  # the slave stands until the master is past
     try:

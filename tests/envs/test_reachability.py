@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from armtempo.envs import MODES, PHYSICS, CoordinationSimulation, Physics
+from armtempo.envs import MODES, PHYSICS, CoordinationOptions, CoordinationSimulation, Physics
 from armtempo.planners import CoordinationCell
 from armtempo.planners.topp import Mode
 
@@ -19,7 +19,7 @@ EXCESS = 1e-3  # of the limits, allowed to the references between stations
 
 @pytest.mark.parametrize("mode", MODES)
 def test_ideal_from_every_reachable_state(lee1991: CoordinationCell, mode: Mode) -> None:
-    simulation = CoordinationSimulation(lee1991, physics="ideal", mode=mode, record=True)
+    simulation = CoordinationSimulation(lee1991, CoordinationOptions(physics="ideal", mode=mode), record=True)
     plane, slowest = lee1991.planes[1], 0.0
 
     @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -49,7 +49,7 @@ def test_ideal_from_every_reachable_state(lee1991: CoordinationCell, mode: Mode)
 
 @pytest.mark.parametrize("mode", MODES)
 def test_bullet_never_applies_more_than_the_limits(lee1991: CoordinationCell, mode: Mode) -> None:
-    simulation = CoordinationSimulation(lee1991, physics="bullet", mode=mode, record=True)
+    simulation = CoordinationSimulation(lee1991, CoordinationOptions(physics="bullet", mode=mode), record=True)
     random = np.random.default_rng(11)
     for episode in range(6):
         simulation.reset([FREE, 0.0])
@@ -69,7 +69,7 @@ def test_bullet_never_applies_more_than_the_limits(lee1991: CoordinationCell, mo
 @pytest.mark.parametrize(("physics", "mode"), list(itertools.product(PHYSICS, MODES)))
 def test_stop_and_go(lee1991: CoordinationCell, physics: Physics, mode: Mode) -> None:
     """Standing still in the middle of the path, for any time, and on again."""
-    simulation = CoordinationSimulation(lee1991, physics=physics, mode=mode, record=True)
+    simulation = CoordinationSimulation(lee1991, CoordinationOptions(physics=physics, mode=mode), record=True)
     simulation.reset([FREE, 0.0])
     for _ in range(25):
         simulation.step(np.array([0.0, 1.0]))

@@ -10,7 +10,7 @@ from scipy.ndimage import label
 from armtempo.arrays import Bools
 from armtempo.envs import CoordinationEnv, Renderer, YieldingEnv
 from armtempo.envs.bodies import _renderer
-from armtempo.envs.bodies._renderer import COLOURS, HEIGHT, WIDTH, egl_available
+from armtempo.envs.bodies._renderer import COLOURS, PICTURE_HEIGHT, PICTURE_WIDTH, egl_available
 from armtempo.errors import RenderError
 from armtempo.planners import CoordinationCell, IKCell
 from armtempo.planners.geometry._pose_motions import harmonic
@@ -44,7 +44,7 @@ def test_both_arms_are_seen_in_every_picture(lee1991: CoordinationCell, renderer
             q = np.array([path.evaluate(share * path.length)[0] for path in lee1991.paths])
             picture = renderer.render(q)
             assert picture is not None
-            assert picture.shape == (HEIGHT, WIDTH, 3) == (480, 640, 3)
+            assert picture.shape == (PICTURE_HEIGHT, PICTURE_WIDTH, 3) == (480, 640, 3)
             assert picture.dtype == np.uint8
             assert picture.flags["C_CONTIGUOUS"]
             assert (picture[[0, 0, -1, -1], [0, -1, 0, -1]] == 255).all()  # on white
@@ -52,7 +52,7 @@ def test_both_arms_are_seen_in_every_picture(lee1991: CoordinationCell, renderer
                 seen = _pixels_of(picture, arm)
                 assert seen.sum() > 1000
                 columns = np.flatnonzero(seen.any(axis=0))
-                assert 10 < columns.min() < columns.max() < WIDTH - 10  # all of it inside the picture
+                assert 10 < columns.min() < columns.max() < PICTURE_WIDTH - 10  # all of it inside the picture
                 places.append(float(np.mean(np.nonzero(seen)[0])))
         assert len(set(places)) == len(places)  # they move
     finally:
@@ -66,7 +66,7 @@ def test_the_master_is_on_the_left(lee1991: CoordinationCell) -> None:
     picture = env.render()
     assert picture is not None
     master, slave = (float(np.mean(np.nonzero(_pixels_of(picture, arm))[1])) for arm in range(2))
-    assert master < WIDTH / 2 < slave
+    assert master < PICTURE_WIDTH / 2 < slave
     env.close()
 
 

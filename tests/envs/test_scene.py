@@ -9,7 +9,7 @@ import pybullet
 import pytest
 import yaml
 
-from armtempo.envs import CoordinationEnv, CoordinationSimulation, YieldingEnv
+from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, YieldingEnv
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import CoordinationCell, load_cell
 from armtempo.robots import Arm
@@ -80,7 +80,7 @@ def test_tips_are_where_the_planner_has_them(cell: CoordinationCell) -> None:
     scene, random = Scene(cell), np.random.default_rng(0)
     for _ in range(10):
         q = random.uniform(-2.5, 2.5, (len(cell.arms), 2))
-        scene.place(q)
+        scene.reset_joints(q)
         for i, arm in enumerate(cell.arms):
             bare = Arm.from_urdf(arm.urdf, T_world_base=arm.T_world_base, tip_link=arm.tip_link)
             origin, rotation = _tip_in_pybullet(scene, i, bare)
@@ -102,13 +102,13 @@ def test_one_tick_obeys_the_planners_dynamics(cell: CoordinationCell) -> None:
     for trial in range(20):
         q, qd = random.uniform(-2.5, 2.5, shape), random.uniform(-3.0, 3.0, shape)
         torque = random.uniform(-5.0, 5.0, shape) if trial else np.zeros(shape)
-        scene.place(q)
+        scene.reset_joints(q)
         for body, joints, row, speed in zip(scene.bodies, scene.joints, q, qd, strict=True):
             for joint, a, b in zip(joints, row, speed, strict=True):
                 pybullet.resetJointState(body, joint, a, b, physicsClientId=scene.client)
-        scene.push(torque)
+        scene.apply_torque(torque)
         after, speed_after = np.zeros(shape), np.zeros(shape)
-        scene.read(after, speed_after)
+        scene.read_joints(after, speed_after)
         for i, arm in enumerate(cell.arms):
             wanted = arm.inverse_dynamics(q[i], qd[i], (speed_after[i] - qd[i]) / dt)
             np.testing.assert_allclose(wanted, torque[i], atol=2e-6 * max(1.0, np.abs(wanted).max()))
@@ -150,7 +150,7 @@ def test_the_mass_without_the_tool_is_another_one(tmp_path: Path) -> None:
 
 
 def test_resets_are_bit_exact(lee1991: CoordinationCell) -> None:
-    simulation, random = CoordinationSimulation(lee1991), np.random.default_rng(4)
+    simulation, random = CoordinationSimulation(lee1991, CoordinationOptions()), np.random.default_rng(4)
     runs: list[list[bytes]] = []
     for _ in range(3):
         simulation.reset(0.2)
@@ -170,16 +170,16 @@ def test_no_contacts_and_no_hidden_damping(lee1991: CoordinationCell) -> None:
     pybullet.setTimeStep(1e-4, physicsClientId=scene.client)
     pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=scene.client)
     q = np.array([path.evaluate(0.5 * path.length)[0] for path in lee1991.paths])
-    scene.place(q)
+    scene.reset_joints(q)
     for body, joints, row in zip(scene.bodies, scene.joints, q, strict=True):
         for joint, a in zip(joints, row, strict=True):
             pybullet.resetJointState(body, joint, a, 1.0, physicsClientId=scene.client)
     arm, qd = lee1991.arms[0], np.ones((2, 2))
     before = [0.5 * v @ arm.mass_matrix(x) @ v for x, v in zip(q, qd, strict=True)]
     for _ in range(2000):
-        scene.push(np.zeros((2, 2)))
+        scene.apply_torque(np.zeros((2, 2)))
         assert not pybullet.getContactPoints(physicsClientId=scene.client)
-    scene.read(q, qd)
+    scene.read_joints(q, qd)
     after = [0.5 * v @ arm.mass_matrix(x) @ v for x, v in zip(q, qd, strict=True)]
     np.testing.assert_allclose(after, before, rtol=1e-3)
     scene.close()

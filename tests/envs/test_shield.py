@@ -9,6 +9,7 @@ import pytest
 from armtempo.envs import (
     REQUESTS,
     CoordinationEnv,
+    CoordinationOptions,
     CoordinationSimulation,
     Shield,
     ShieldParallelWrapper,
@@ -49,7 +50,7 @@ def test_full_speed_is_near_the_optimum(mixed: CoordinationCell) -> None:
 
 
 def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: CoordinationCell) -> None:
-    simulation = CoordinationSimulation(mixed, physics="ideal")
+    simulation = CoordinationSimulation(mixed, CoordinationOptions(physics="ideal"))
     shield = Shield(mixed, simulation.world)
     rng = np.random.default_rng(0)
     for _ in range(4):

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from armtempo.arrays import Floats, Ints
-from armtempo.envs import CoordinationEnv, CoordinationSimulation, Shield, YieldingEnv, shield_trial
+from armtempo.envs import (
+    CoordinationEnv,
+    CoordinationOptions,
+    CoordinationSimulation,
+    Shield,
+    YieldingEnv,
+    shield_trial,
+)
 from armtempo.envs.coordination.shield._kernels import stops_before
 from armtempo.envs.coordination.world._world import World, steps_of
 from armtempo.planners import CoordinationCell, CoordinationChart, benchmark_instances, build_cell, load_cell
@@ -57,7 +64,7 @@ def swept(world: World, i: int, lam: float, mu: float, command: float, ticks: in
 @pytest.mark.parametrize("name", ["mixed", "pulled_on"])
 def test_braking_stops_where_it_is_said_to(name: str, request: pytest.FixtureRequest) -> None:
     cell: CoordinationCell = request.getfixturevalue(name)
-    simulation = CoordinationSimulation(cell, physics="ideal")
+    simulation = CoordinationSimulation(cell, CoordinationOptions(physics="ideal"))
     world, tables = simulation.world, Shield(cell, simulation.world).tables
     rng = np.random.default_rng(0)
     out, speeds = np.empty(4), np.empty(4)

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
 from armtempo.envs.coordination.shield._shield import Shield
-from armtempo.envs.coordination.world import CoordinationSimulation, World, clearance_of, length_of, steps_of
+from armtempo.envs.coordination.world import (
+    CoordinationOptions,
+    CoordinationSimulation,
+    World,
+    clearance_of,
+    length_of,
+    steps_of,
+)
 from armtempo.planners import CoordinationCell
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.topp import Mode
@@ -156,7 +163,7 @@ def shield_trial(
     Raises:
         InfeasibleError: The shield finds no passing order.
     """
-    simulation = CoordinationSimulation(cell, physics="ideal", mode=mode)
+    simulation = CoordinationSimulation(cell, CoordinationOptions(physics="ideal", mode=mode))
     world = simulation.world
     shield = Shield(cell, world, scripted=scripted)
     shield.reset(np.zeros(len(cell.arms)))

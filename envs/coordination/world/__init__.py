@@ -13,21 +13,22 @@ from armtempo.envs.coordination.world._disturbance import (
     describe,
     draw,
     draw_all,
-    draws_of,
-    stops_of,
+    make_draws,
+    stops_max,
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
 from armtempo.envs.coordination.world._entries import COORDINATION_ENTRIES, OTHER, OTHERS, OWN, SIZE
 from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
-from armtempo.envs.coordination.world._simulation import MODES, CoordinationSimulation, CoordinationTrace
+from armtempo.envs.coordination.world._options import MODES, CoordinationKeywords, CoordinationOptions
+from armtempo.envs.coordination.world._simulation import CoordinationSimulation, CoordinationTrace
 from armtempo.envs.coordination.world._world import (
     Episodes,
     World,
     clearance_of,
-    episodes_of,
     ideal_world,
     length_of,
+    make_episodes,
     steps_of,
 )
 
@@ -37,6 +38,8 @@ __all__ = [
     "Disturbance",
     "Draws",
     "COORDINATION_ENTRIES",
+    "CoordinationKeywords",
+    "CoordinationOptions",
     "CoordinationTrace",
     "Episodes",
     "MODES",
@@ -54,14 +57,14 @@ __all__ = [
     "disturbed_motion",
     "draw",
     "draw_all",
-    "draws_of",
-    "episodes_of",
+    "make_draws",
+    "make_episodes",
     "ideal_world",
     "length_of",
     "observe",
     "run_periods",
     "scratch_for",
     "steps_of",
-    "stops_of",
+    "stops_max",
     "uncertain_arms",
 ]

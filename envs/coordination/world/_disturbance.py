@@ -14,7 +14,7 @@ import numpy as np
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, is_number, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.topp import kernels as phase_kernels
@@ -120,21 +120,18 @@ def as_noise(value: float) -> float:
     return float(value)
 
 
-def draws_of(
+def make_draws(
     cell: CoordinationCell,
     disturbance: str | Disturbance | None = None,
     start_phase: float | Range = 0.0,
     master_late_s: float | Range = 0.0,
 ) -> Draws:
-    """What episodes of a cell are drawn from.
+    """What episodes of a cell are drawn from, by the options of that name.
 
     Raises:
-        InputError: A range is wrong, or the cell has no such arm.
-        UnknownNameError: There is no such family.
+        InputError: The cell has no such arm.
     """
     if isinstance(disturbance, str):
-        if disturbance not in DISTURBANCES:
-            raise UnknownNameError("disturbance", disturbance, DISTURBANCES)
         chosen, relative = list(_FAMILIES.values()) if disturbance == "any" else [_FAMILIES[disturbance]], 1.0
     else:
         chosen, relative = [disturbance or Disturbance()], 0.0
@@ -157,7 +154,7 @@ def draws_of(
     )
 
 
-def stops_of(draws: Draws) -> int:
+def stops_max(draws: Draws) -> int:
     """The most stops that an arm can get."""
     return int(draws.families[:, 5].max()) if draws.arms.any() else 0
 

@@ -1,4 +1,4 @@
-"""Compiled loops of the environments: arms along their paths period by period, the controller, the observation.
+"""Compiled loops of the environments: arms along their paths period by period, their references, the observation.
 
 Arrays have one row per arm, padded to the largest number of joints; before it comes the episode, where many run at
 once. One environment is a batch of one: it runs the same functions, so it has the same bits. They go over the episodes
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.bodies import joint_torques, tip_of
+from armtempo.envs.bodies import tip_of
 from armtempo.envs.common import NOISE, normal
 from armtempo.envs.coordination.world._world import (
     BLOCK,
@@ -133,38 +133,12 @@ def watch(
 
 
 @njit
-def control(
-    world: World,
-    places: Floats,
-    gain: float,
-    measured: Floats,
-    reference: Floats,
-    demand: Floats,
-    torque: Floats,
-) -> None:
-    """One tick of the joint controllers, from ``measured`` (2, A, n) to ``torque`` (A, n); ``places`` (A,) at its end.
-
-    ``reference`` (3, A, n): before, now, next; shifted here.
-    """
-    dt = world.tick
-    for i in range(demand.shape[0]):
-        n = world.size[i, 1]
-        reference[0, i], reference[1, i] = reference[1, i], reference[2, i]
-        path_point(table_of(world, i), places[i], reference[2, i][:n])
-        joint_torques(
-            model_of(world, i),
-            reference[0, i][:n],
-            reference[1, i][:n],
-            reference[2, i][:n],
-            measured[0, i][:n],
-            measured[1, i][:n],
-            world.coulomb[i],
-            world.torque_max[i],
-            gain,
-            dt,
-            demand[i][:n],
-            torque[i][:n],
-        )
+def reference_joints(world: World, places: Floats, joints: Floats) -> None:
+    """Joint positions ``joints`` (T, A, n) on the paths at ``places`` (A, T)."""
+    for i in range(places.shape[0]):
+        n, table = world.size[i, 1], table_of(world, i)
+        for k in range(places.shape[1]):
+            path_point(table, places[i, k], joints[k, i][:n])
 
 
 @njit

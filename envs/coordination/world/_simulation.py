@@ -14,45 +14,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.bodies import (
-    CONTROLLER_GAIN,
-    PHYSICS,
-    SETTLED_DISTANCE,
-    SETTLED_SPEED,
-    SETTLED_TIME,
-    Physics,
-    Scene,
-    pybullet,
-)
+from armtempo.envs.bodies import Controller, End, Recorder, Settling, Trace
 from armtempo.envs.coordination.world._disturbance import (
     ATTEMPTS,
-    Disturbance,
-    Range,
-    as_noise,
     describe,
     draw,
-    draws_of,
-    stops_of,
+    make_draws,
+    stops_max,
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._entries import OTHER, OTHERS, OWN, SIZE
 from armtempo.envs.coordination.world._kernels import (
-    control,
     move,
     moved_closer,
     observe,
+    reference_joints,
     run_periods,
     scratch_for,
     tip_positions,
     tracking_error,
 )
-from armtempo.envs.coordination.world._world import World, episodes_of, ideal_world, pack
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.envs.coordination.world._options import CoordinationOptions
+from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
-from armtempo.planners.topp import Mode
 from armtempo.robots import Arm
-
-MODES: tuple[Mode, ...] = ("speed", "acceleration")
 
 
 def _levers(arm: Arm) -> Floats:
@@ -64,16 +49,8 @@ def _levers(arm: Arm) -> Floats:
     return most
 
 
-def _check_errors(physics: Physics, model_error: float, friction_error: float) -> None:
-    for name, value in (("model_error", model_error), ("friction_error", friction_error)):
-        if not (math.isfinite(value) and value > -1.0):
-            raise InputError(f"{name} must be a finite share above -1, got {value!r}", remedy="give 0 for none")
-        if value and physics != "bullet":
-            raise InputError(f"{name} is for simulated bodies, physics is {physics!r}", remedy='use physics="bullet"')
-
-
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class CoordinationTrace:
+class CoordinationTrace(Trace[tuple[Floats, ...]]):
     """An episode at its ticks; A arms, T + 1 rows (row 0 is the start; torques of row k act from tick k - 1 to k).
 
     Attributes:
@@ -90,17 +67,12 @@ class CoordinationTrace:
         torque_max: one (n,) per arm, the limits [N m].
     """
 
-    time: Floats
     lam: Floats
     mu: Floats
-    q: tuple[Floats, ...]
-    torque: tuple[Floats, ...]
-    demand: tuple[Floats, ...]
     clearance: Floats
     path_error: Floats
     arrival: Floats
     violations: int
-    torque_max: tuple[Floats, ...]
 
     @property
     def makespan(self) -> float:
@@ -108,21 +80,9 @@ class CoordinationTrace:
         return float(np.max(self.arrival))
 
     @property
-    def torque_ratio_max(self) -> float:
-        """Largest |applied torque| / limit."""
-        return max(float(np.max(np.abs(t) / m)) for t, m in zip(self.torque, self.torque_max, strict=True))
-
-    @property
-    def torque_demand_ratio_max(self) -> float:
-        """Largest |demanded torque| / limit."""
-        return max(float(np.max(np.abs(t) / m)) for t, m in zip(self.demand, self.torque_max, strict=True))
-
-    @property
-    def torque_clipped_fraction(self) -> float:
-        """Share of joint torques that were clipped by more than a thousandth of their limit, until the last arrival."""
-        until = self.time <= (self.makespan if math.isfinite(self.makespan) else np.inf)
-        clipped = [np.abs(t)[until] > 1.001 * m for t, m in zip(self.demand, self.torque_max, strict=True)]
-        return float(np.mean(np.concatenate([c.ravel() for c in clipped])))
+    def arrived(self) -> float:
+        """The ``makespan``."""
+        return self.makespan
 
 
 @final
@@ -131,18 +91,8 @@ class CoordinationSimulation:
 
     Args:
         cell: Arms on their paths.
-        physics: ``bullet``: torque-controlled in PyBullet, FCL clearance at every tick. ``ideal``: on the paths,
-            without tracking error, clearance from a table.
-        mode: What a command in [0, 1] means, see ``PhasePlane.advance``.
+        options: Of its episodes; the shield and the time limit are not its business.
         record: Keep a trace.
-        disturbance: What may go wrong with arms (see ``Disturbance``), or the name of a family of it.
-        observation_noise: Standard deviation of normal noise on every entry that is not 0/1-valued or padding, clipped
-            into the space.
-        start_phase: Share of the path where each arm starts, at rest: a number, or (lowest, highest). Draws closer than
-            plans allow, or where an arm cannot stand, are drawn again, at most 32 times; then all start at 0.
-        master_late_s: How long the first arm stands at its start [s]: a number, or (lowest, highest).
-        model_error: In ``bullet``, by what share the simulated bodies are heavier than the plans' (-0.1: lighter).
-        friction_error: In ``bullet``, by what share the joints' damping and dry friction are larger.
 
     Attributes:
         lam, mu: (A,) the references now.
@@ -150,70 +100,49 @@ class CoordinationSimulation:
         arrival: (A,) instants of arrival, nan before; in ``bullet`` known once the tip has settled.
         violated: Whether two arms came closer than ``d_min``.
         min_clearance: Smallest clearance so far [m].
+
+    Raises:
+        InputError: The cell has no such arm as the one that is disturbed.
     """
 
-    def __init__(
-        self,
-        cell: CoordinationCell,
-        *,
-        physics: Physics = "bullet",
-        mode: Mode = "speed",
-        record: bool = False,
-        disturbance: str | Disturbance | None = None,
-        observation_noise: float = 0.0,
-        start_phase: float | Range = 0.0,
-        master_late_s: float | Range = 0.0,
-        model_error: float = 0.0,
-        friction_error: float = 0.0,
-    ) -> None:
-        if physics not in PHYSICS:
-            raise UnknownNameError("physics", str(physics), PHYSICS)
-        if mode not in MODES:
-            raise UnknownNameError("mode", str(mode), MODES)
-        self.cell, self.physics, self.mode, self.record = cell, physics, mode, record
-        self._draws = draws_of(cell, disturbance, start_phase, master_late_s)
-        self._noise = as_noise(observation_noise)
-        _check_errors(physics, model_error, friction_error)
-        arms = len(cell.arms)
-        width = max(arm.dof for arm in cell.arms)
-        tables = physics == "ideal" or self._draws.phase[1] > 0.0
-        self._world = ideal_world(cell, mode) if tables else pack(cell, mode)
-        self._episodes = episodes_of(1, arms, stops_of(self._draws))
-        self._scratch = scratch_for(1, arms, cell.ticks_per_period)
+    def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
+        self.cell, self.physics, self.mode, self.record = cell, options.physics, options.mode, record
+        self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
+        self._noise = float(options.observation_noise)
+        arms, ticks = len(cell.arms), cell.ticks_per_period
+        tables = options.physics == "ideal" or self._draws.phase[1] > 0.0
+        self._world = ideal_world(cell, options.mode) if tables else pack(cell, options.mode)
+        self._episodes = make_episodes(1, arms, stops_max(self._draws))
+        self._scratch = scratch_for(1, arms, ticks)
         self._active = np.ones(1, dtype=np.bool_)
         self._unused = np.zeros((1, arms)), np.zeros((1, arms), dtype=np.bool_), np.zeros((1, arms), dtype=np.bool_)
         self.lam, self.mu = self._episodes.lam[0], self._episodes.mu[0]
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._lengths = np.array([path.length for path in cell.paths])
-        self._starts = np.zeros((arms, width))
+        self._controller = Controller(
+            cell, options.physics, model_error=options.model_error, friction_error=options.friction_error
+        )
+        self._scene, self._q = self._controller.scene, self._controller.q
+        self._joints = np.zeros((ticks, *self._q.shape))
+        self._starts = self._joints_at(np.zeros(arms))
         self._goals = np.zeros((arms, 3))
-        goals = np.zeros((arms, width))
-        for i, path in enumerate(cell.paths):
-            self._starts[i, : path.dof] = path.evaluate(0.0)[0]
-            goals[i, : path.dof] = path.evaluate(path.length)[0]
-        tip_positions(self._world, goals, self._goals)
-        self._measured = np.zeros((2, arms, width))
-        self._q, self._qd = self._measured
-        self._q_asked, self._distance_asked = np.zeros((arms, width)), math.inf
-        self._lever = np.zeros((arms, width))
+        tip_positions(self._world, self._joints_at(self._lengths), self._goals)
+        self._q_asked, self._distance_asked = np.zeros_like(self._q), math.inf
+        self._lever = np.zeros_like(self._q)
         for i, arm in enumerate(cell.arms):
             self._lever[i, : arm.dof] = _levers(arm)
-        self._torque, self._demand = np.zeros((arms, width)), np.zeros((arms, width))
-        self._reference = np.zeros((3, arms, width))
         self._observation = np.zeros((1, arms, SIZE), dtype=np.float32)
-        self._tips, self._tips_before, self._error = np.zeros((arms, 3)), np.zeros((arms, 3)), np.zeros(arms)
-        self._scene: Scene | None = None
-        if physics == "bullet":
-            self._scene = Scene(cell)
-            pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=self._scene.client)
-            pybullet.setPhysicsEngineParameter(
-                numSolverIterations=10, deterministicOverlappingPairs=1, physicsClientId=self._scene.client
-            )
-            if model_error:
-                self._scene.weigh(1.0 + model_error)
-            if friction_error:
-                self._scene.rub(1.0 + friction_error)
+        self._tips, self._tips_before = np.zeros((arms, 3)), np.zeros((arms, 3))
+        self._settling = Settling(arms)
+        self._recorder = Recorder(wanted=record, tick=self._tick)
         self.reset()
+
+    def _joints_at(self, lam: Floats) -> Floats:
+        """(A, n) joint positions on the paths at ``lam`` (A,)."""
+        q = np.zeros_like(self._q)
+        for i, path in enumerate(self.cell.paths):
+            q[i, : path.dof] = path.evaluate(lam[i])[0]
+        return q
 
     def reset(
         self,
@@ -229,7 +158,7 @@ class CoordinationSimulation:
         first one as drawn from ``master_late_s``. ``accepts``: whether the places drawn will do; asked while there are
         attempts left.
         """
-        arms, episodes = len(self.cell.arms), self._episodes
+        episodes = self._episodes
         episodes.key[0], episodes.number[0] = key, number
         attempt = 0
         while True:
@@ -239,34 +168,32 @@ class CoordinationSimulation:
             attempt += 1
         if late is not None:
             episodes.late[0] += np.asarray(late, dtype=np.float64)
-        starts = self._starts
-        if self.lam.any():
-            starts = np.zeros_like(self._starts)
-            for i, path in enumerate(self.cell.paths):
-                starts[i, : path.dof] = path.evaluate(self.lam[i])[0]
-        self.arrival = np.full(arms, np.nan)
-        self._settled_since = np.full(arms, np.nan)
+        self._settling.reset()
         self._ticks = 0
         self.violated = False
         self._violations = 0
-        self._q[:], self._qd[:] = starts, 0.0
-        self._reference[:] = starts
-        if self._scene is not None:
-            self._scene.place(starts)
+        self._controller.reset(self._joints_at(self.lam) if self.lam.any() else self._starts)
         nearest = float(episodes.smallest[0]) if self.physics == "ideal" else self._nearest(math.inf)
         self.min_clearance = nearest
         self._drawn = describe(episodes, 0, self._lengths)
-        self._rows: list[tuple[Floats, ...]] = []
+        self._recorder.clear()
         if self.record:
-            zero = np.zeros_like(self._torque)
-            self._rows.append(
-                (self.lam.copy(), self.mu.copy(), self._q.copy(), zero, zero, np.array([nearest]), np.zeros(arms))
-            )
+            self._keep(nearest, np.zeros(self.arms))
 
     @property
     def time(self) -> float:
         """Instant [s]."""
         return self._ticks * self._tick
+
+    @property
+    def arrival(self) -> Floats:
+        """(A,) instants of arrival [s], nan before."""
+        return self._settling.arrival
+
+    @property
+    def end(self) -> End:
+        """When the last arm arrived, and whether two came too close."""
+        return End(float(np.max(self.arrival)), self.violated)
 
     @property
     def world(self) -> World:
@@ -333,34 +260,31 @@ class CoordinationSimulation:
         self.arrival[:] = episodes.arrival[0]
         self.min_clearance = float(episodes.smallest[0])
         if self.record:
-            places, speeds, clearance = self._scratch.places[0], self._scratch.speeds[0], self._scratch.clearance[0]
-            self._rows += [
-                (places[:, k].copy(), speeds[:, k].copy(), *[np.empty(0)] * 3, clearance[k : k + 1].copy(),
-                 np.zeros(self.arms))
-                for k in range(self._ticks - began)
-            ]  # fmt: skip
+            ran, scratch = self._ticks - began, self._scratch
+            self._recorder.extend(
+                lam=scratch.places[0, :, :ran].T,
+                mu=scratch.speeds[0, :, :ran].T,
+                clearance=scratch.clearance[0, :ran],
+                path_error=np.zeros((ran, self.arms)),
+            )
 
     def _step_bullet(self, commands: Floats) -> None:
         """The references of the period are those of ``ideal``; the arms follow them tick by tick."""
         episodes, scratch = self._episodes, self._scratch
         move(self._world, episodes, 0, 1, self._active, commands, scratch)
-        for k in range(scratch.places.shape[2]):
+        reference_joints(self._world, scratch.places[0], self._joints)
+        for k, joints in enumerate(self._joints):
             self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
-            self._tick_bullet()
+            self._tick_bullet(joints)
             if self.violated:
                 episodes.violated[0] = True
                 break
         episodes.ticks[0] = self._ticks
         episodes.steps[0] += 1
 
-    def _tick_bullet(self) -> None:
-        assert self._scene is not None
-        tick = self._tick
-        control(
-            self._world, self.lam, CONTROLLER_GAIN / tick, self._measured, self._reference, self._demand, self._torque
-        )
-        self._scene.push(self._torque)
-        self._scene.read(self._q, self._qd)
+    def _tick_bullet(self, joints: Floats) -> None:
+        """One tick towards the references ``joints`` (A, n)."""
+        self._controller.track(joints)
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
@@ -368,32 +292,27 @@ class CoordinationSimulation:
             self.violated = True
             self._violations += 1
         if (self._episodes.arrival[0] <= self.time + 1e-12).any():
-            self._settle(tick)
+            self._settle()
         if self.record:
-            tracking_error(self._world, self.lam, self._q, self._error)
-            self._rows.append(
-                (
-                    self.lam.copy(),
-                    self.mu.copy(),
-                    self._q.copy(),
-                    self._torque.copy(),
-                    self._demand.copy(),
-                    np.array([nearest]),
-                    self._error.copy(),
-                )
-            )
+            self._keep(nearest, self.tracking_error())
 
-    def _settle(self, tick: float) -> None:
-        """An arm arrives at the later of its reference's end and the first tick from which its tip stays settled."""
-        tip_positions(self._world, self._q - tick * self._qd, self._tips_before)  # the step was q' = q + dt qd'
-        tip_positions(self._world, self._q, self._tips)
+    def _settle(self) -> None:
+        """Whether arms whose references have ended are where they are to be."""
+        tick, q = self._tick, self._q
+        tip_positions(self._world, q - tick * self._controller.qd, self._tips_before)  # the step was q' = q + dt qd'
+        tip_positions(self._world, q, self._tips)
         speed = np.linalg.norm(self._tips - self._tips_before, axis=1) / tick
         distance = np.linalg.norm(self._tips - self._goals, axis=1)
-        arrived = self._episodes.arrival[0]
-        calm = (arrived <= self.time + 1e-12) & (distance < SETTLED_DISTANCE) & (speed < SETTLED_SPEED)
-        self._settled_since = np.where(calm, np.fmin(self._settled_since, self.time), np.nan)
-        done = np.isnan(self.arrival) & (self.time - self._settled_since >= SETTLED_TIME - 1e-9)
-        self.arrival[done] = np.maximum(arrived, self._settled_since)[done]
+        self._settling.watch(self.time, self._episodes.arrival[0], distance, speed)
+
+    def _keep(self, nearest: float, path_error: Floats) -> None:
+        """A row of the trace; joints and torques without physics follow from the others."""
+        known = {"lam": self.lam, "mu": self.mu, "clearance": nearest, "path_error": path_error}
+        if self.physics == "ideal":
+            self._recorder.add(**known)
+        else:
+            controller = self._controller
+            self._recorder.add(**known, q=controller.q, torque=controller.torque, demand=controller.demand)
 
     def observe(self) -> Floats32:
         """(A, 21) observations of all arms, in the order of ``COORDINATION_ENTRIES``; a new array."""
@@ -407,12 +326,7 @@ class CoordinationSimulation:
 
     def joint_positions(self) -> Floats:
         """(A, n) joint positions now: measured, or on the path without physics [rad]."""
-        if self.physics == "bullet":
-            return self._q.copy()
-        q = np.zeros_like(self._q)
-        for i, path in enumerate(self.cell.paths):
-            q[i, : path.dof] = path.evaluate(self.lam[i])[0]
-        return q
+        return self._q.copy() if self.physics == "bullet" else self._joints_at(self.lam)
 
     def trace(self) -> CoordinationTrace:
         """What happened so far.
@@ -420,27 +334,21 @@ class CoordinationSimulation:
         Raises:
             InputError: Nothing was recorded.
         """
-        if not self.record:
-            raise InputError("this environment keeps no trace", remedy="make it with record=True")
-        columns = list(zip(*self._rows, strict=True))
-        lam, mu = np.stack(columns[0]), np.stack(columns[1])
-        arms = self.cell.arms
+        columns, arms = self._recorder.columns(), self.cell.arms
         if self.physics == "bullet":
             q, torque, demand = (
-                tuple(np.stack(columns[k])[:, i, : arm.dof] for i, arm in enumerate(arms)) for k in (2, 3, 4)
+                tuple(np.ascontiguousarray(rows[:, i, : arm.dof]) for i, arm in enumerate(arms))
+                for rows in [columns.pop(name) for name in ("q", "torque", "demand")]
             )
         else:
+            lam, mu = columns["lam"], columns["mu"]
             q = tuple(path.evaluate(lam[:, i])[0] for i, path in enumerate(self.cell.paths))
             torque = demand = tuple(self._ideal_torque(i, lam[:, i], mu[:, i]) for i in range(self.arms))
         return CoordinationTrace(
-            time=np.asarray(np.arange(len(lam)) * self._tick, dtype=np.float64),
-            lam=lam,
-            mu=mu,
+            **columns,
             q=q,
             torque=torque,
             demand=demand,
-            clearance=np.concatenate(columns[5]),
-            path_error=np.stack(columns[6]),
             arrival=self.arrival.copy(),
             violations=self._violations,
             torque_max=tuple(arm.torque_max for arm in arms),
@@ -448,13 +356,14 @@ class CoordinationSimulation:
 
     def _ideal_torque(self, i: int, lam: Floats, mu: Floats) -> Floats:
         """Mean torque over each tick, from the dynamics in its middle."""
-        tick = self._tick
+        start = np.zeros((1, self.cell.arms[i].dof))
+        if len(lam) == 1:
+            return start
         arrived = np.diff(lam) <= 0.0
-        mu_dot = np.where(arrived, 0.0, np.diff(mu) / tick)
+        mu_dot = np.where(arrived, 0.0, np.diff(mu) / self._tick)
         torque = self.cell.dynamics[i].torque(0.5 * (lam[:-1] + lam[1:]), 0.5 * (mu[:-1] + mu[1:]), mu_dot)
-        return np.concatenate([np.zeros((1, torque.shape[1])), torque])
+        return np.concatenate([start, torque])
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        if self._scene is not None:
-            self._scene.close()
+        self._controller.close()

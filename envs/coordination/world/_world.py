@@ -63,7 +63,7 @@ class Episodes(NamedTuple):
     charged: Floats  # (E, A) instant at the last reward [s]
 
 
-def episodes_of(count: int, arms: int, stops: int) -> Episodes:
+def make_episodes(count: int, arms: int, stops: int) -> Episodes:
     """Episodes of so many arms that stand at their starts, undisturbed."""
 
     def each(value: float = 0.0) -> Floats:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import TypedDict, get_args
 
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import check_bodies, check_names, check_time_limit, is_number
-from armtempo.envs.coordination.world import DISTURBANCES, MODES, Disturbance, Range, as_noise, as_range
+from armtempo.envs.coordination.world._disturbance import DISTURBANCES, Disturbance, Range, as_noise, as_range
 from armtempo.errors import InputError
 from armtempo.planners.topp import Mode
+
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 
 @dataclass(frozen=True, kw_only=True)
