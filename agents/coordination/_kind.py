@@ -210,7 +210,7 @@ def clairvoyant_makespans(env: CoordinationEnv, episodes: int, seed: int) -> tup
     makespans = []
     for episode in range(episodes):
         _, infos = env.reset(seed=seed + episode)
-        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.mode)
+        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.options.mode)
         try:
             motions = clairvoyant(env.cell, {0: first})
         except InfeasibleError:

@@ -71,7 +71,7 @@ class BlendTrackingVectorEnv(VectorBase[BlendBatch]):
     ) -> None:
         families = families_of(options.get("family", "given"))
         of_each: list[dict[str, Any]] = [{**options, "family": family} for family in families]
-        checked, *_ = [ideal_options(BlendOptions, one, render_mode) for one in of_each]
+        checked, *_ = [ideal_options(BlendOptions, one, BlendTrackingVectorEnv, render_mode) for one in of_each]
         self.cell, self.family = as_cell(cell, BlendCell), families
         count = count_of(num_envs)
         batch = BlendBatch(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -227,13 +227,21 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
         return actions
 
 
-def ideal_options(kind: type[OptionsT], keywords: Mapping[str, Any], render_mode: str | None = None) -> OptionsT:
+def ideal_options(
+    kind: type[OptionsT], keywords: Mapping[str, Any], taker: Callable[..., object], render_mode: str | None = None
+) -> OptionsT:
     """The options of many environments at once, which are without physics unless somebody asks for it.
+
+    Args:
+        kind: The record of options.
+        keywords: Some of its fields.
+        taker: What was called with them.
+        render_mode: What it was given.
 
     Raises:
         InputError: Somebody does, or wants pictures; as ``options_of`` raises.
     """
-    options = options_of(kind, {"physics": "ideal", **keywords})
+    options = options_of(kind, {"physics": "ideal", **keywords}, taker)
     physics = keywords.get("physics", "ideal")
     if physics != "ideal" or render_mode is not None:
         what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"

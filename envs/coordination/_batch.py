@@ -92,7 +92,7 @@ class BatchSimulation:
         threads: int = 1,
         **options: Unpack[CoordinationKeywords],
     ) -> None:
-        chosen = ideal_options(CoordinationOptions, options)
+        chosen = ideal_options(CoordinationOptions, options, BatchSimulation)
         check_names(("reward", reward, REWARDS))
         self.cell, self.mode = as_cell(cell, CoordinationCell), chosen.mode
         self.reference_time, self.time_limit = time_limit(self.cell, chosen.max_episode_s)

@@ -193,7 +193,7 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
         threads: int | None = None,
         **options: Unpack[CoordinationKeywords],
     ) -> None:
-        chosen = ideal_options(CoordinationOptions, options, render_mode)
+        chosen = ideal_options(CoordinationOptions, options, YieldingVectorEnv, render_mode)
         count = count_of(num_envs)
         self.cell = as_cell(cell, CoordinationCell)
         own = learner_of(self.cell, learner)
@@ -350,7 +350,7 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         threads: int | None = None,
         **options: Unpack[CoordinationKeywords],
     ) -> None:
-        chosen = ideal_options(CoordinationOptions, options)
+        chosen = ideal_options(CoordinationOptions, options, CoordinationVectorEnv)
         count = count_of(num_envs)
         given = [cell] if isinstance(cell, CellBase | str | Path) else list(cell)
         self.cells = tuple(as_cell(one, CoordinationCell) for one in given)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
@@ -14,36 +14,20 @@ from armtempo.envs.bodies import Renderer, render_modes
 from armtempo.envs.common import (
     SingleAgentEnv,
     action_space,
-    check_names,
     deviation_reward,
     observation_space,
     options_of,
     read_actions,
 )
 from armtempo.envs.ik._observation import ik_entries, observe_ik, view_of
-from armtempo.envs.ik._options import ACTION_MODES, ActionMode, IKKeywords, IKOptions
+from armtempo.envs.ik._options import ActionMode, IKKeywords, IKOptions
 from armtempo.envs.ik._simulation import IKSimulation, IKTrace
-from armtempo.errors import InputError
 from armtempo.planners import IKCell
-from armtempo.planners.cells import TARGET_FAMILIES, as_cell, draw_target
+from armtempo.planners.cells import as_cell, draw_target
 
 REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}
 """Of the terms of the reward, in the order of ``IKSimulation.shares``."""
 GAINS = 4
-
-
-def ik_cell(cell: IKCell | str | Path, action_mode: str, families: Sequence[str]) -> IKCell:
-    """A built cell of an arm that follows poses.
-
-    Raises:
-        UnknownNameError: No such cell, action mode or family of targets.
-        InputError: It is of another kind.
-    """
-    check_names(("action mode", action_mode, ACTION_MODES))
-    if not families:
-        raise InputError("there is no family of targets", remedy=f"give some of {', '.join(TARGET_FAMILIES)}")
-    check_names(*(("family of targets", family, TARGET_FAMILIES) for family in families))
-    return as_cell(cell, IKCell)
 
 
 def ik_spaces(cell: IKCell, action_mode: ActionMode) -> tuple[Box, Box]:

@@ -73,7 +73,7 @@ class FeedbackIKVectorEnv(VectorBase[IKBatch]):
     ) -> None:
         families = families_of(options.get("family", "given"))
         of_each: list[dict[str, Any]] = [{**options, "family": family} for family in families]
-        checked, *_ = [ideal_options(IKOptions, one, render_mode) for one in of_each]
+        checked, *_ = [ideal_options(IKOptions, one, FeedbackIKVectorEnv, render_mode) for one in of_each]
         self.cell, self.family = as_cell(cell, IKCell), families
         count = count_of(num_envs)
         batch = IKBatch(
