@@ -17,7 +17,7 @@ from armtempo.agents.blend._baselines import (
     planning_time,
 )
 from armtempo.agents.blend._result import BlendResult, in_blends, reference_demand, speed_errors
-from armtempo.agents.evaluation import Kind, keywords_of, play
+from armtempo.agents.evaluation import Kind, Runner, keywords_of, play
 from armtempo.agents.policies import Policy, find_agent, is_agent_name, learned_policy
 from armtempo.arrays import Floats, Floats32
 from armtempo.envs import BlendOptions, BlendTrace, BlendTrackingEnv
@@ -77,7 +77,13 @@ class BlendKind(Kind[BlendCell, BlendOptions, BlendEpisode, BlendResult]):
     policies = BLEND_POLICIES
 
     def open(
-        self, cell: BlendCell, policy: str, options: BlendOptions, *, render_mode: str | None = None
+        self,
+        cell: BlendCell,
+        policy: str,
+        options: BlendOptions,
+        *,
+        before: Runner[BlendEpisode] | None = None,
+        render_mode: str | None = None,
     ) -> BlendRunner:
         """An environment with the profile and the mapping of the policy."""
         baseline = _learned(policy) if is_agent_name(policy) else blend_baseline(policy)

@@ -12,7 +12,7 @@ import numpy as np
 
 from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, make_policy
 from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
-from armtempo.agents.evaluation import Interval, Kind, keywords_of, mean_interval, play, ratio_interval
+from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, CoordinationOptions, EpisodeTrace, disturbed_motion
 from armtempo.errors import InfeasibleError
@@ -81,13 +81,23 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
     policies = COORDINATION_POLICIES
 
     def open(
-        self, cell: CoordinationCell, policy: str, options: CoordinationOptions, *, render_mode: str | None = None
+        self,
+        cell: CoordinationCell,
+        policy: str,
+        options: CoordinationOptions,
+        *,
+        before: Runner[CoordinationEpisode] | None = None,
+        render_mode: str | None = None,
     ) -> CoordinationRunner:
-        """Plan, where the policy is a planner, and open an environment."""
+        """Plan, where the policy is a planner, and open an environment, or go on in the one before."""
         began = time.perf_counter()
         plan = schedule(cell, policy) if policy in METHODS else None
         planning = time.perf_counter() - began if plan is not None else None
-        env = CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
+        env = (
+            before.env
+            if before is not None
+            else CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
+        )
         try:
             who = learned_policy(policy, env) if is_agent_name(policy) else make_policy(policy, cell, plan)
         except BaseException:

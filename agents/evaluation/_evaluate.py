@@ -65,19 +65,23 @@ def evaluate_kind(
     """Run every policy for some episodes; see ``armtempo.agents.evaluate``."""
     results: dict[str, ResultT] = {}
     refused: dict[str, str] = {}
-    for name in chosen_policies(policies, kind.policies, episodes):
-        try:
-            runner = kind.open(cell, name, options)
-        except InfeasibleError as error:
-            if policies is not None or not kind.may_refuse:
-                raise
-            refused[name] = str(error)
-            continue
-        try:
-            runs = run_episodes(runner, name, episodes, seed, on_episode)
-        finally:
+    runner: Runner[RunT] | None = None
+    try:
+        for name in chosen_policies(policies, kind.policies, episodes):
+            try:
+                opened = kind.open(cell, name, options, before=runner)
+            except InfeasibleError as error:
+                if policies is not None or not kind.may_refuse:
+                    raise
+                refused[name] = str(error)
+                continue
+            if runner is not None and runner.env is not opened.env:
+                runner.close()
+            runner = opened
+            results[name] = kind.measure(cell, run_episodes(runner, name, episodes, seed, on_episode), seed)
+    finally:
+        if runner is not None:
             runner.close()
-        results[name] = kind.measure(cell, runs, seed)
     compared, more = kind.compare(cell, options, results, episodes=episodes, seed=seed)
     return Evaluation(
         kind=kind.name,

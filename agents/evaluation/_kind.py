@@ -57,9 +57,22 @@ class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
     policies: tuple[str, ...]
 
     def open(
-        self, cell: CellT_contra, policy: str, options: OptionsT, *, render_mode: str | None = None
+        self,
+        cell: CellT_contra,
+        policy: str,
+        options: OptionsT,
+        *,
+        before: Runner[RunT] | None = None,
+        render_mode: str | None = None,
     ) -> Runner[RunT]:
-        """An environment that records, and who acts in it: a baseline or a learned agent.
+        """An environment that records, and who acts in it.
+
+        Args:
+            cell: Where.
+            policy: A baseline or a learned agent.
+            options: Of the episodes.
+            before: A runner of the same cell and options whose work is done: its environment may be taken over.
+            render_mode: Of the environment.
 
         Raises:
             InfeasibleError: It has no plan in this cell.

@@ -8,7 +8,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.evaluation import Kind, keywords_of, play
+from armtempo.agents.evaluation import Kind, Runner, keywords_of, play
 from armtempo.agents.ik._baselines import IK_POLICIES, action_mode_of, ik_policy
 from armtempo.agents.ik._result import IKResult
 from armtempo.agents.policies import Policy, find_agent, is_agent_name, learned_policy
@@ -54,7 +54,15 @@ class IKKind(Kind[IKCell, IKOptions, IKEpisode, IKResult]):
     always_told = ("physics", "family", "model_error")
     policies = IK_POLICIES
 
-    def open(self, cell: IKCell, policy: str, options: IKOptions, *, render_mode: str | None = None) -> IKRunner:
+    def open(
+        self,
+        cell: IKCell,
+        policy: str,
+        options: IKOptions,
+        *,
+        before: Runner[IKEpisode] | None = None,
+        render_mode: str | None = None,
+    ) -> IKRunner:
         """An environment with the actions of the policy."""
         learned = is_agent_name(policy)
         mode = find_agent(policy).header.settings.get("action_mode", "speeds") if learned else action_mode_of(policy)

@@ -147,7 +147,9 @@ class ToyKind(Kind[ToyCell, ToyOptions, tuple[Floats, float], ToyResult]):
     def __init__(self) -> None:
         self.opened: list[ToyEnv] = []
 
-    def open(self, cell: ToyCell, policy: str, options: ToyOptions, *, render_mode: str | None = None) -> ToyRunner:
+    def open(
+        self, cell: ToyCell, policy: str, options: ToyOptions, *, before: Any = None, render_mode: str | None = None
+    ) -> ToyRunner:
         if policy == "nobody":
             raise InfeasibleError("there is no such motion")
         made: dict[str, Policy[Floats32, Floats32]] = {
