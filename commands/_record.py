@@ -69,10 +69,13 @@ def record(line: Sequence[str]) -> None:
     """Run ``armtempo record`` with what follows on the line; its flags are those of the cell's kind."""
     given, kind, options = read_kind_line(line, Record, "armtempo record")
     _check(given)
-    output = Output(None)
-    cell = open_cell(given.cell, output)
     usual, usually_slow = DEFAULTS.get(kind.name, (kind.policies[0], 1.0))
     policy, slow = given.policy or usual, given.slow or usually_slow
+    from armtempo.agents.policies import chosen_policies  # late: --help is to be quick
+
+    chosen_policies(policy, kind.policies, episodes=1)  # before a cell is opened, which may take a while
+    output = Output(None)
+    cell = open_cell(given.cell, output)
     target = default_folder(cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
     # One picture per decision at most; fewer where the film would run faster than screens do.
     skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * cell.control_period * slow) - 1e-9))

@@ -96,7 +96,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         env = (
             before.env
             if before is not None
-            else CoordinationEnv(cell, render_mode=render_mode, record=render_mode is None, **keywords_of(options))
+            else CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
         )
         try:
             who = learned_policy(policy, env) if is_agent_name(policy) else make_policy(policy, cell, plan)

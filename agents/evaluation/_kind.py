@@ -65,7 +65,7 @@ class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
         before: Runner[RunT] | None = None,
         render_mode: str | None = None,
     ) -> Runner[RunT]:
-        """An environment, recording unless it renders, and who acts in it.
+        """An environment that records, and who acts in it.
 
         Args:
             cell: Where.

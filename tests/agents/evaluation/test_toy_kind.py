@@ -93,6 +93,9 @@ class ToyEnv(gymnasium.Env[Floats32, Floats32]):
     def trace(self) -> Floats:
         return np.array(self.errors)
 
+    def render(self) -> Any:
+        return np.full((48, 64, 3), 50 * len(self.errors), dtype=np.uint8)
+
     def close(self) -> None:
         self.closed = True
 
@@ -260,6 +263,18 @@ def test_the_command_takes_it_with_flags_table_and_report(
     assert "--steps" not in out
     assert main(["evaluate", "tiny", "--shield"]) == 2
     assert "unknown option of armtempo evaluate in toy cells '--shield'" in capsys.readouterr().err
+
+
+def test_the_command_films_it(
+    toy: ToyCell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("armtempo.configs.load_cell_config", lambda name: toy.config)
+    monkeypatch.setattr("armtempo.commands._record.open_cell", lambda name, output: toy)
+    monkeypatch.chdir(tmp_path)
+    assert main(["record", "tiny", "--push", "0.5", "--slow", "2", "--out", "film"]) == 0
+    assert "5 pictures, 2 times slower than reality: film" in " ".join(capsys.readouterr().out.split())
+    assert len(list(Path("film").iterdir())) == 5  # the start, and four decisions
+    assert main(["record", "tiny", "--policy", "vci"]) == 2
 
 
 @pytest.mark.parametrize(("episodes", "width", "heads"), [
