@@ -115,10 +115,9 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    steps = steps_of(world, i)
+                    path = steps_of(world, i)
                     lam[i], mu[i], done[i], _ = phase_kernels.advance(
-                        steps, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
-                        speeds, steps[:0],
+                        path, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i], speeds, path[:0],
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[STEPS] += 1
