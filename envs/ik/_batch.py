@@ -171,9 +171,9 @@ class IKBatch:
 
     def figures(self, over: Bools) -> dict[str, Any]:
         """How near to their targets episodes were that have ended."""
-        config = self.cell.config
+        most_position, most_orientation = self.cell.error_scales
         position, orientation = np.sqrt(self._episodes.squares / np.maximum(self._episodes.tick, 1)[:, None]).T
-        close = (position < config.error_scale_m) & (orientation < config.error_scale_rad)
+        close = (position < most_position) & (orientation < most_orientation)
         figures = {
             "is_success": self.terminated & close,
             "position_error_rms_m": np.where(over, position, np.nan),

@@ -106,7 +106,7 @@ class CoordinationSimulation:
     """
 
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
-        self.cell, self.physics, self.mode, self.record = cell, options.physics, options.mode, record
+        self.cell, self.physics, self.record = cell, options.physics, record
         self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
         self._noise = float(options.observation_noise)
         arms, ticks = len(cell.arms), cell.ticks_per_period
