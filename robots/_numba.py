@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,7 +23,7 @@ MARKS = (b"@njit", b"@inlined", b"@unlocked")
 
 def kernel_digest(folders: Iterable[Path]) -> str:
     """A digest of all files in ``folders`` that hold kernels: their names and what they say."""
-    digest = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=8)
     for folder in folders:
         for file in sorted(folder.rglob("*.py")):
             text = file.read_bytes()
@@ -45,22 +47,21 @@ else:
     _PACKAGE = Path(__file__).parents[1]
     _DIGEST = kernel_digest(_PACKAGE / name for name in ("robots", "planners", "envs"))
 
-    class _Locator:
-        """numba's own locator, but a function's source is out of date when any kernel has changed."""
-
-        def __init__(self, locator: Any) -> None:
-            self._locator = locator
-
-        def get_source_stamp(self) -> object:
-            return self._locator.get_source_stamp(), _DIGEST
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._locator, name)
+    @cache
+    def _forget_others(folder: Path) -> None:
+        """Delete what was compiled from other kernels: nobody reads it again."""
+        for file in folder.glob("*.nb[ic]"):
+            if _DIGEST not in file.name:
+                with suppress(OSError):
+                    file.unlink()
 
     class _CacheImpl(CompileResultCacheImpl):
-        @property
-        def locator(self) -> Any:
-            return _Locator(super().locator)
+        """Files have the digest in their names: numba reads one whole before it asks whether it is out of date."""
+
+        def __init__(self, function: Any) -> None:
+            super().__init__(function)
+            self._filename_base = f"{self._filename_base}-{_DIGEST}"
+            _forget_others(Path(self.locator.get_cache_path()))
 
     class _Cache(FunctionCache):
         _impl_class = _CacheImpl

@@ -41,6 +41,8 @@ def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None
     assert result(1) == "2 0"
     assert result(1) == "2 1"  # from disk
     assert result(2) == "3 0"
+    kept = [file.name for file in (package / "robots" / "__pycache__").glob("_caller.caller-*.nb?")]
+    assert len(kept) == 2  # what was compiled from the other callee is gone: an index and one compiled form are left
 
 
 def test_only_files_with_kernels_count(tmp_path: Path) -> None:
