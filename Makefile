@@ -40,7 +40,7 @@ recipes: rllib torchrl
 
 # RLlib pins Gymnasium. The tests of the environments run with that version too.
 rllib: .venv-rllib/.ready
-	.venv-rllib/bin/python -m pytest tests/recipes/test_rllib.py tests/envs/test_conformance.py $(ARGS)
+	.venv-rllib/bin/python -m pytest tests/recipes/test_rllib.py tests/envs/behaviours/test_conformance.py $(ARGS)
 
 torchrl: .venv-torchrl/.ready
 	.venv-torchrl/bin/python -m pytest tests/recipes/test_torchrl.py $(ARGS)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, new_table, number, open_any_cell, shown
-from armtempo.commands.reports._ik import gain_x_period, unsettled
+from armtempo.commands.console import JsonFile, Output, new_table, number, open_cell, shown
+from armtempo.commands.reports import gain_warning, gain_x_period
 
 if TYPE_CHECKING:
     from armtempo.planners import BlendCell, CoordinationCell, IKCell
@@ -33,16 +34,12 @@ def cells(
     if cell is None:
         _list(output)
     else:
-        from armtempo.planners import BlendCell, IKCell
-
-        opened = open_any_cell(cell, output)
-        if isinstance(opened, IKCell):
-            _show_ik(opened, output)
-        else:
-            _show_blend(opened, output) if isinstance(opened, BlendCell) else _show(opened, output)
+        opened = open_cell(cell, output)
+        SHOWN[opened.config.kind](opened, output)
 
 
 def _list(output: Output) -> None:
+    # late: pydantic; --help is to be quick
     from armtempo.configs import AnyCellConfig, CellConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")
@@ -79,7 +76,7 @@ CLASSES = {
 }
 
 
-def describe(cell: CoordinationCell) -> dict[str, Any]:
+def describe_coordination(cell: CoordinationCell) -> dict[str, Any]:
     """A cell in numbers, units in the keys; clearances are None for a single arm."""
     between = {}
     for where, share in (("start", 0.0), ("end", 1.0)):
@@ -121,9 +118,9 @@ def describe(cell: CoordinationCell) -> dict[str, Any]:
     }
 
 
-def _show(cell: CoordinationCell, output: Output) -> None:
+def _show_coordination(cell: CoordinationCell, output: Output) -> None:
     with output.progress(f"Measuring {cell.name}"):
-        facts = describe(cell)
+        facts = describe_coordination(cell)
     table = new_table(
         shown(f"{cell.name}: {cell.config.description}"), "arms in priority order: the first is the master"
     )
@@ -306,10 +303,18 @@ def _show_ik(cell: IKCell, output: Output) -> None:
         f"The law alone stays within {1e3 * facts['position_error_max_m']:.2g} mm of it; the smallest singular value "
         f"on the way is {number(facts['singular_value_min'], 3)}, damped is below {facts['damping']:g}."
     )
-    if warning := unsettled(cell):
+    if warning := gain_warning(cell):
         output.say(f"[red]{warning}[/]")
     output.say(
         "Looked at, not certified: at postures of that run the drives can hold the arm, and it does not touch itself. "
         f"File: {shown(cell.config.source)}"
     )
     output.json(facts)
+
+
+SHOWN: Mapping[str, Callable[[Any, Output], None]] = {
+    "coordination": _show_coordination,
+    "blend": _show_blend,
+    "ik": _show_ik,
+}
+"""By kind of cell."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,6 +10,8 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from armtempo.commands.console import JsonFile, Output, new_table, shown
+from armtempo.errors import InputError
+from armtempo.files import whole_file
 
 
 def generate(
@@ -35,10 +38,7 @@ def generate(
         arms: How many arms a ring has, 2 to 8.
         json_file: Write labels and rejected draws there as JSON, units in the keys; "-" for nothing but JSON on stdout.
     """
-    import json
-
-    from armtempo.errors import InputError
-    from armtempo.planners import generate_cell
+    from armtempo.planners import generate_cell  # late, as the next: --help is to be quick
     from armtempo.planners.instances import cell_name
 
     if count < 1:
@@ -83,11 +83,8 @@ def generate(
 
 def _write(out: Path, generated: Any) -> None:
     """The three files of a cell, the labels last: they say that the others are complete."""
-    import json
-
     import yaml
 
-    from armtempo.files import whole_file
     from armtempo.planners.instances import save_instance
 
     name = generated.cell.name

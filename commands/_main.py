@@ -8,26 +8,26 @@ from collections.abc import Callable, Sequence
 import tyro
 
 from armtempo import ArmtempoError, __version__
-from armtempo.commands._bench import BENCHES, bench
 from armtempo.commands._cells import cells
-from armtempo.commands._evaluate import evaluate
+from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
 from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
-from armtempo.commands._record import record
+from armtempo.commands._record import Record, record
 from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
+from armtempo.commands.bench import BENCHES, bench
 
 DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
 
 Begin with `armtempo evaluate lee1991`; `armtempo COMMAND --help` explains a command's options."""
 
-COMMANDS: dict[str, Callable[..., None]] = {
-    "evaluate": evaluate,
+COMMANDS: dict[str, Callable[..., object]] = {
+    "evaluate": Evaluate,
     "plan": plan,
     "plot": plot,
-    "record": record,
+    "record": Record,
     "cells": cells,
     "reproduce": reproduce,
     "bench": bench,
@@ -49,9 +49,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
             tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
+        elif line[:1] in (["evaluate"], ["record"]):  # their flags are those of the cell's kind
+            (evaluate if line[0] == "evaluate" else record)(line[1:])
         elif line[:1] == ["bench"]:
             tyro.extras.subcommand_cli_from_dict(
-                BENCHES, prog="armtempo bench", description=bench.__doc__, args=line[1:]
+                dict(BENCHES), prog="armtempo bench", description=bench.__doc__, args=line[1:]
             )
         else:
             tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="armtempo", description=DESCRIPTION, args=line)

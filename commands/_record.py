@@ -2,142 +2,195 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from armtempo.commands.console import CellName, Output, default_folder, open_cell, shown, silent_stdout
+from armtempo.commands.console import (
+    CellName,
+    Output,
+    Seed,
+    check_seed,
+    default_folder,
+    open_cell,
+    read_kind_line,
+    shown,
+    silent_stdout,
+)
+from armtempo.errors import ArmtempoError, RenderError, UnknownNameError
 from armtempo.files import whole_file
-
-if TYPE_CHECKING:
-    from armtempo.planners import CoordinationCell
 
 Frame = NDArray[np.uint8]
 
 MOST_FRAMES_PER_SECOND = 50.0
 HOLD = 1.0  # [s] the last picture stays
+SUFFIXES = (".mp4", ".gif", "")
+DEFAULTS: dict[str, tuple[str, float]] = {"coordination": ("vci", 20.0), "blend": ("limit-aware", 4.0)}
+"""By kind of cell: who is filmed, and how many times slower than reality; else the first policy, as it is."""
 
 
-def record(
-    cell: CellName,
-    *,
-    policy: Annotated[str, tyro.conf.arg(metavar="NAME")] = "vci",
-    out: Annotated[
-        Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: results/<cell>/<policy>.mp4)")
-    ] = None,
-    slow: Annotated[float, tyro.conf.arg(metavar="X")] = 20.0,
-    seed: Annotated[int, tyro.conf.arg(metavar="K")] = 0,
-    physics: Literal["bullet", "ideal"] = "bullet",
-    master_late: Annotated[float, tyro.conf.arg(metavar="S")] = 0.0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Record:
     """Film one episode of a policy in the simulated cell, in slow motion.
 
-    Args:
-        cell: A bundled cell's name (see "armtempo cells"), or your own YAML file.
-        policy: Who decides: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci,
-            offset, interval, optimal, random.
-        out: A file ending in .mp4 or .gif, or a folder for single PNG pictures.
-        slow: How many times slower than reality; arms that need a third of a second are shown for seven at 20.
-        seed: Seed of the episode.
-        physics: "bullet" simulates the arms with torque control in PyBullet, "ideal" moves them exactly as commanded.
-        master_late: Seconds by which the first arm starts late, which the others do not know.
+    Each kind of cell has options of its own besides these: "armtempo record CELL --help" lists them.
     """
-    import math
 
-    from armtempo.errors import ArmtempoError, UnknownNameError
+    cell: CellName
+    """A bundled cell's name (see "armtempo cells"), or your own YAML file."""
+    policy: Annotated[
+        str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: vci, limit-aware or feedback)")
+    ] = None
+    """Who decides: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, offset, interval,
+    optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth, constant, random; in ik cells feedback,
+    feedback-ff, feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:NAME (one that comes with
+    armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it."""
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: results/<cell>/<policy>.mp4)")
+    ] = None
+    """A file ending in .mp4 or .gif, or a folder for single PNG pictures."""
+    slow: Annotated[
+        float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(default: 20, of a blend cell 4, of an ik cell 1)")
+    ] = None
+    """How many times slower than reality; arms that need a third of a second are shown for seven at 20."""
+    seed: Seed = 0
+    """Seed of the episode."""
 
-    if not (math.isfinite(slow) and slow > 0.0):
-        raise ArmtempoError(f"--slow must be a positive number, got {slow}", remedy="try --slow 20")
-    if seed < 0:
-        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
-    if not (math.isfinite(master_late) and master_late >= 0.0):
-        raise ArmtempoError(
-            f"--master-late must be a number of seconds, 0 or more, got {master_late}", remedy="try 0.1"
-        )
-    if out is not None and out.suffix.lower() not in (".mp4", ".gif", ""):
-        raise UnknownNameError(
-            "film format", out.suffix, (".mp4", ".gif"), remedy="end --out in .mp4 or .gif, or name a folder"
-        )
+
+def record(line: Sequence[str]) -> None:
+    """Run ``armtempo record`` with what follows on the line; its flags are those of the cell's kind."""
+    given, kind, options = read_kind_line(line, Record, "armtempo record")
+    _check(given)
     output = Output(None)
-    built = open_cell(cell, output)
-    target = default_folder(built, None) / f"{policy}.mp4" if out is None else out
+    cell = open_cell(given.cell, output)
+    usual, usually_slow = DEFAULTS.get(kind.name, (kind.policies[0], 1.0))
+    policy, slow = given.policy or usual, given.slow or usually_slow
+    target = default_folder(cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
     # One picture per decision at most; fewer where the film would run faster than screens do.
-    skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * built.control_period * slow) - 1e-9))
-    rate = 1.0 / (built.control_period * slow * skip)
+    skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * cell.control_period * slow) - 1e-9))
+    rate = 1.0 / (cell.control_period * slow * skip)
     with output.progress(f"Filming {policy}") as (progress, task), silent_stdout():
-        frames: list[Frame] = []
-        for frame in _film(built, policy, seed=seed, physics=physics, master_late=master_late, skip=skip):
-            frames.append(frame)
-            progress.update(task, description=f"Filming {policy}: {len(frames)} pictures")
-        progress.update(task, description=f"Writing {target.name}")
-        write_film(frames, target, rate)
-    output.say(f"{len(frames)} pictures, {slow:g} times slower than reality: {shown(target)}")
+        runner = kind.open(cell, policy, options, render_mode="rgb_array")
+        try:
+            with film_writer(target, rate) as write:
+                camera = Camera(runner.env, write, skip)
+
+                def on_step() -> None:
+                    camera.look()
+                    progress.update(task, description=f"Filming {policy}: {camera.taken} pictures")
+
+                runner.run(given.seed, on_step)
+                camera.finish()
+        finally:
+            runner.close()
+    output.say(f"{camera.taken} pictures, {slow:g} times slower than reality: {shown(target)}")
 
 
-def _film(
-    cell: CoordinationCell, name: str, *, seed: int, physics: Literal["bullet", "ideal"], master_late: float, skip: int
-) -> Iterator[Frame]:
-    """The pictures of one episode, every ``skip``-th decision, with the first and the last."""
-    from armtempo import agents
-    from armtempo.envs import coordination_v0
-
-    policy = agents.make_policy(name, cell)
-    env = coordination_v0.parallel_env(cell, physics=physics, render_mode="rgb_array", master_late_s=master_late)
-    try:
-        observations, _ = env.reset(seed=seed)
-        policy.reset(seed)
-        yield _picture(env.render())
-        steps = 0
-        while env.agents:
-            seen = {agent: observations[agent] for agent in env.agents}
-            observations, *_ = env.step(policy.act(seen, env))
-            steps += 1
-            if steps % skip == 0 or not env.agents:
-                yield _picture(env.render())
-    finally:
-        env.close()
+def _check(given: Record) -> None:
+    """Raise ArmtempoError for flags that no film can have."""
+    check_seed(given.seed)
+    if given.slow is not None and not (math.isfinite(given.slow) and given.slow > 0.0):
+        raise ArmtempoError(f"--slow must be a positive number, got {given.slow}", remedy="try --slow 20")
+    if given.out is not None and given.out.suffix.lower() not in SUFFIXES:
+        raise UnknownNameError(
+            "film format", given.out.suffix, SUFFIXES[:2], remedy="end --out in .mp4 or .gif, or name a folder"
+        )
 
 
-def _picture(frame: Frame | None) -> Frame:
-    assert frame is not None  # render_mode is rgb_array
-    return np.array(frame, dtype=np.uint8)
+def _file_name(policy: str) -> str:
+    """A policy's name as a file's: of a learned agent, its algorithm and what its file is called."""
+    algorithm, _, agent = policy.rpartition(":")
+    return f"{algorithm}-{Path(agent).stem}" if algorithm else policy
 
 
-def write_film(frames: list[Frame], target: Path, rate: float) -> None:
+@dataclass
+class Camera:
+    """Takes pictures of an environment: of every ``skip``-th decision, with the first and the last."""
+
+    env: Any
+    write: Callable[[Frame], None]
+    skip: int
+    looks: int = 0
+    taken: int = 0
+
+    def look(self) -> None:
+        """There is something to see: at the start, and after each decision."""
+        if self.looks % self.skip == 0:
+            self._take()
+        self.looks += 1
+
+    def finish(self) -> None:
+        """What was seen last is taken, too."""
+        if (self.looks - 1) % self.skip:
+            self._take()
+
+    def _take(self) -> None:
+        self.write(np.array(self.env.render(), dtype=np.uint8))
+        self.taken += 1
+
+
+@contextmanager
+def film_writer(target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
     """Write pictures (H, W, 3) as ``.mp4`` or ``.gif``, whole or not at all, or as PNG files into a folder.
 
     Args:
-        frames: At least one.
         target: Its suffix tells the format.
         rate: Pictures per second.
+
+    Returns:
+        What writes the next picture.
 
     Raises:
         RenderError: The film cannot be encoded here.
     """
-    import imageio
-
-    from armtempo.errors import RenderError
+    import imageio  # late: it looks for its plugins
 
     if target.suffix == "":
-        for k, frame in enumerate(frames):
-            with whole_file(target / f"frame_{k:04d}.png") as temporary:
+        numbers = count()
+
+        def write_file(frame: Frame) -> None:
+            with whole_file(target / f"frame_{next(numbers):04d}.png") as temporary:
                 imageio.imwrite(temporary, frame, format="PNG")
+
+        yield write_file
         return
-    held: list[Any] = frames + [frames[-1]] * round(HOLD * rate)
+    options: dict[str, Any] = (
+        {"format": "GIF", "duration": 1e3 / rate, "loop": 0}
+        if target.suffix.lower() == ".gif"
+        else {"format": "FFMPEG", "fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2}
+    )
+    last: list[Frame] = []
     with whole_file(target) as temporary:
+        with _told_of(target):
+            writer: Any = imageio.get_writer(temporary, mode="I", **options)
+
+        def write(frame: Frame) -> None:
+            with _told_of(target):
+                writer.append_data(frame)
+            last[:] = [frame]
+
         try:
-            if target.suffix.lower() == ".gif":
-                imageio.mimwrite(temporary, held, format="GIF", duration=1e3 / rate, loop=0)
-            else:
-                imageio.mimwrite(
-                    temporary, held, format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2
-                )
-        except (RuntimeError, ImportError) as error:
-            reason = (str(error).splitlines() or ["unknown reason"])[0]
-            raise RenderError(
-                f"cannot write {target}: {reason}", remedy="end --out in .gif, or name a folder"
-            ) from error
+            yield write
+            for frame in last * round(HOLD * rate):
+                write(frame)
+        finally:
+            with _told_of(target):
+                writer.close()
+
+
+@contextmanager
+def _told_of(target: Path) -> Iterator[None]:
+    """What the encoder complains of becomes a RenderError."""
+    try:
+        yield
+    except (RuntimeError, ImportError) as error:
+        reason = (str(error).splitlines() or ["unknown reason"])[0]
+        raise RenderError(f"cannot write {target}: {reason}", remedy="end --out in .gif, or name a folder") from error

@@ -10,12 +10,24 @@ import tyro
 
 from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 from armtempo.commands.papers._reproduction import Reproduction
+from armtempo.errors import UnknownNameError
+
+# Imports inside the functions are late: the papers need the planners and matplotlib, and --help is to be quick.
 
 
 def _lee1991(output: Output) -> Reproduction:
-    from armtempo.commands.papers._lee1991 import reproduce_lee1991
+    from armtempo.commands.papers.lee1991._figures import lee1991_figures
+    from armtempo.commands.papers.lee1991._quantities import compare, run
+    from armtempo.planners import load_cell
 
-    return reproduce_lee1991(output)
+    with output.progress("Loading lee1991 (compiles once after installation)"):
+        cell = load_cell("lee1991")
+    found = run(cell, output)
+    with output.progress("Comparing"):
+        quantities = compare(found)
+    with output.progress("Drawing"):
+        figures = lee1991_figures(cell, found.plans)
+    return Reproduction("Lee, Chong, Suh, Choi, Lyou (1991)", quantities, figures)
 
 
 def _lee2006(output: Output) -> Reproduction:
@@ -68,11 +80,9 @@ def reproduce(
             ours; "-" for nothing but JSON on stdout.
         out: Folder for the PNG files.
     """
-    from armtempo.errors import UnknownNameError
-
     if paper not in PAPERS:
         raise UnknownNameError("paper", paper, tuple(PAPERS))
-    from armtempo.commands._plot import draw
+    from armtempo.commands.figures._write import draw
 
     output = Output(json_file)
     found = PAPERS[paper](output)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, new_table, number, shown
-from armtempo.errors import ArmtempoError
+from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
 
 ROWS = 10  # of the table: the best
 
@@ -32,11 +31,9 @@ def sweep(
         seed: Of the draws; give each worker another one, or none.
         json_file: Write all trials there as JSON, the best first; "-" for nothing but JSON on stdout.
     """
-    if trials < 1:
-        raise ArmtempoError(f"--trials must be at least 1, got {trials}", remedy="try --trials 20")
-    if seed is not None and seed < 0:
-        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
-    from armtempo import agents
+    check_count("--trials", trials, 20)
+    check_seed(seed)
+    from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_sweep_config
 
     out = Output(json_file)

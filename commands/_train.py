@@ -7,13 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, new_table, number, shown
-from armtempo.errors import ArmtempoError
+from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
 
 if TYPE_CHECKING:
     from armtempo.agents import Training
 
 ROWS = 12  # of the curve in the table: the last ones
+COLUMNS = {  # heads and digits of what rows of a curve have, if they have it: that depends on the environment
+    "steps": ("steps", 0),
+    "seconds": ("time [s]", 0),
+    "reward": ("reward", 3),
+    "finished": ("finished", 0),
+    "violations": ("violations", 0),
+    "makespan_s": ("makespan [s]", 4),
+    "gap_percent": ("to bound [%]", 2),
+    "optimum_percent": ("to optimum [%]", 2),
+}
 
 
 def train(
@@ -37,11 +46,9 @@ def train(
         steps: Agent steps: decisions of one learning arm.
         json_file: Write the learning curve there as JSON; "-" for nothing but JSON on stdout.
     """
-    if seed is not None and seed < 0:
-        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
-    if steps is not None and steps < 1:
-        raise ArmtempoError(f"--steps must be at least 1, got {steps}", remedy="try --steps 100000")
-    from armtempo import agents
+    check_seed(seed)
+    check_count("--steps", steps, 100000)
+    from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_train_config
 
     out = Output(json_file)
@@ -68,23 +75,15 @@ def _in_words(row: dict[str, Any]) -> str:
 
 
 def _tabulate(training: Training, out: Output) -> None:
-    several = training.config.coordination is not None
-    heads = {"steps": ("steps", 0), "seconds": ("time [s]", 0), "reward": ("reward", 3), "finished": ("finished", 0)}
-    if several:
-        heads |= {
-            "violations": ("violations", 0),
-            "makespan_s": ("makespan [s]", 4),
-            "gap_percent": ("to bound [%]", 2),
-            "optimum_percent": ("to optimum [%]", 2),
-        }
+    rows = training.curve[-ROWS:]
+    heads = {name: column for name, column in COLUMNS.items() if any(name in row for row in rows)}
     table = new_table(
         f"{training.config.name}: {training.config.algorithm}, seed {training.config.seed}",
-        "finished, violations, reward and makespan: of episodes as in training; to bound and optimum: undisturbed"
-        if several
-        else "steps are decisions of the arm",
+        "steps are decisions of a learning arm; figures are of episodes as in training"
+        + (", to bound and optimum: undisturbed" if "optimum_percent" in heads else ""),
     )
     for head, _ in heads.values():
         table.add_column(head.replace("[", "\\["), justify="right")
-    for row in training.curve[-ROWS:]:
+    for row in rows:
         table.add_row(*[number(row.get(name), digits) for name, (_, digits) in heads.items()])
     out.table(table)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from armtempo.robots import _kernels as kernels
 from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
 from armtempo.robots._model import ArmModel, Capsules
@@ -20,7 +19,6 @@ __all__ = [
     "Shape",
     "Tool",
     "inlined",
-    "kernels",
     "njit",
     "pack_bodies",
     "separation",

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import RobotError
+from armtempo.errors import RobotError, check_keywords
 from armtempo.robots import _kernels as kernels
 from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
@@ -65,6 +66,17 @@ class Tool:
             object.__setattr__(self, "hull", _frozen(self.hull))
 
 
+class JointKeywords(TypedDict, total=False):
+    """What ``Arm.from_urdf`` takes in place of the URDF's; one entry per joint, None entries keep the URDF's."""
+
+    torque_max: Sequence[float | None] | Floats | None
+    speed_max: Sequence[float | None] | Floats | None
+    position_limits: Sequence[Sequence[float] | None] | Floats | None
+    acceleration_max: Sequence[float | None] | Floats | None
+    damping: Sequence[float | None] | Floats | None
+    coulomb: Sequence[float | None] | Floats | None
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Arm:
     """A serial arm with a fixed base. Make one with ``Arm.from_urdf``.
@@ -115,14 +127,9 @@ class Arm:
         gravity: ArrayLike = (0.0, 0.0, -9.81),
         tip_link: str | None = None,
         tool: Tool | None = None,
-        torque_max: Sequence[float | None] | Floats | None = None,
-        speed_max: Sequence[float | None] | Floats | None = None,
-        position_limits: Sequence[Sequence[float] | None] | Floats | None = None,
-        acceleration_max: Sequence[float | None] | Floats | None = None,
-        damping: Sequence[float | None] | Floats | None = None,
-        coulomb: Sequence[float | None] | Floats | None = None,
         unphysical_inertia: Unphysical = "refuse",
         ignored_pairs: Sequence[tuple[str, str]] = (),
+        **given: Unpack[JointKeywords],
     ) -> Arm:
         """Read the serial chain from the URDF's root to ``tip_link``.
 
@@ -133,19 +140,22 @@ class Arm:
             gravity: (3,) in the world [m/s^2].
             tip_link: Needed only where the links branch. Movable joints off the chain are held at zero.
             tool: Carried by the tip link.
-            torque_max: (n,) in place of the URDF's effort limits [N m or N]; None entries keep the URDF's.
-            speed_max: (n,) in place of the URDF's velocity limits [rad/s or m/s]; likewise.
-            position_limits: (n, 2) lower and upper [rad or m]; likewise.
-            acceleration_max: (n,) [rad/s^2 or m/s^2]; None entries are no limit.
-            damping: (n,) viscous friction in place of the URDF's <dynamics damping> [N m s/rad or N s/m]; likewise.
-            coulomb: (n,) Coulomb friction in place of the URDF's <dynamics friction> [N m or N]; likewise.
             unphysical_inertia: Links whose moments of inertia no body can have (some published URDFs hold them) are
                 refused, or taken for a ``point-mass`` at their centre, which is what PyBullet simulates; logged.
             ignored_pairs: Pairs of URDF links that are not looked at for self-collision (an SRDF's disabled pairs).
+            **given: What the URDF has otherwise, one entry per joint; None entries keep the URDF's.
+                ``torque_max`` (n,) in place of its effort limits [N m or N];
+                ``speed_max`` (n,) of its velocity limits [rad/s or m/s];
+                ``position_limits`` (n, 2) of its lower and upper ones [rad or m];
+                ``acceleration_max`` (n,) [rad/s^2 or m/s^2], where None entries are no limit;
+                ``damping`` (n,) viscous friction, of its <dynamics damping> [N m s/rad or N s/m];
+                ``coulomb`` (n,) Coulomb friction, of its <dynamics friction> [N m or N].
 
         Raises:
             RobotError: names file, element and remedy.
+            UnknownNameError: There is no such keyword; the message names the nearest one.
         """
+        check_keywords(cls.from_urdf, given, JointKeywords.__annotations__)
         file = Path(urdf)
         chain = read_urdf(file, tip_link, unphysical_inertia)
         joints = chain.joints
@@ -156,12 +166,12 @@ class Arm:
         if g.shape != (3,) or not np.isfinite(g).all():
             raise RobotError("gravity is not three numbers", remedy="give (x, y, z) in m/s^2", element="gravity")
 
-        torque = _limits(file, joints, "effort", "torque_max", torque_max)
-        speed = _limits(file, joints, "velocity", "speed_max", speed_max)
-        position = _position_limits(file, joints, position_limits)
-        acceleration = _filled([math.inf] * n, joints, "acceleration_max", acceleration_max, zero=False)
-        viscous = _filled([joint.damping for joint in joints], joints, "damping", damping)
-        dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", coulomb)
+        torque = _limits(file, joints, "effort", "torque_max", given.get("torque_max"))
+        speed = _limits(file, joints, "velocity", "speed_max", given.get("speed_max"))
+        position = _position_limits(file, joints, given.get("position_limits"))
+        acceleration = _filled([math.inf] * n, joints, "acceleration_max", given.get("acceleration_max"), zero=False)
+        viscous = _filled([joint.damping for joint in joints], joints, "damping", given.get("damping"))
+        dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", given.get("coulomb"))
 
         if tool is not None:
             chain = _with_tool(chain, tool)

@@ -109,7 +109,8 @@ def shape_distance(shape_a: Shape, T_a: ArrayLike, shape_b: Shape, T_b: ArrayLik
         T = T_link @ shape.T_link_shape
         placed.append(fcl.CollisionObject(_geometry(shape), fcl.Transform(T[:3, :3], T[:3, 3])))
     tolerance = [shape.tolerance for shape in shapes]
-    return _Scene(placed, pack_bodies(shapes), tolerance, frames, np.arange(2)).distance(0, 1, 0.0)
+    scene = _Scene(placed=placed, bodies=pack_bodies(shapes), tolerance=tolerance, frames=frames, frame=np.arange(2))
+    return scene.distance(0, 1, 0.0)
 
 
 @njit
@@ -167,6 +168,24 @@ def _bounds(
     return best
 
 
+def _joint_rows(arms: Sequence[Arm]) -> tuple[Ints, Floats]:
+    """The arms' first frames (A + 1,), and a row of ``joints`` of ``_bounds`` for each frame.
+
+    Frame 0 is the world; then come for each arm its base and its links.
+    """
+    first, rows = [], [np.zeros(16)]
+    for arm in arms:
+        first.append(len(rows))
+        m = arm.model
+        rows.append(np.zeros(16))
+        rows += [
+            np.concatenate([m.placement_R[j].ravel(), m.placement_p[j], m.axis[j], [float(m.prismatic[j])]])
+            for j in range(arm.dof)
+        ]
+    first.append(len(rows))
+    return np.array(first, dtype=np.int64), np.array(rows)
+
+
 class _Query(NamedTuple):
     """Which arms move and which pairs of shapes are asked for; ``bounds`` is filled by every call."""
 
@@ -187,69 +206,59 @@ class Clearance:
     """
 
     def __init__(self, arms: Sequence[Arm], obstacles: Sequence[Shape] = ()) -> None:
-        # Frame 0 is the world; then for each arm its base and its links.
-        shapes: list[Shape] = list(obstacles)
-        names = [shape.link_name for shape in obstacles]
-        owner = [-1] * len(shapes)
-        frame = [0] * len(shapes)
-        first = []
-        rows: list[Floats] = [np.zeros(16)]
-        for i, arm in enumerate(arms):
-            first.append(len(rows))
-            m = arm.model
-            rows.append(np.zeros(16))
-            rows += [
-                np.concatenate([m.placement_R[j].ravel(), m.placement_p[j], m.axis[j], [float(m.prismatic[j])]])
-                for j in range(arm.dof)
-            ]
-            shapes += arm.shapes
-            names += [f"{arm.name}/{shape.link_name}" for shape in arm.shapes]
-            owner += [i] * len(arm.shapes)
-            frame += [first[i] + 1 + shape.link for shape in arm.shapes]
-        first.append(len(rows))
-        self.names = tuple(names)
+        self._first, self._joints = _joint_rows(arms)
+        first = self._first.tolist()
+        carried = [(i, shape) for i, arm in enumerate(arms) for shape in arm.shapes]
+        shapes = [*obstacles, *(shape for _, shape in carried)]
+        self.names = (
+            *(shape.link_name for shape in obstacles),
+            *(f"{arms[i].name}/{shape.link_name}" for i, shape in carried),
+        )
         self._dof = [arm.dof for arm in arms]
         self._arm_names = [arm.name for arm in arms]
-        self._owner = owner
+        self._owner = [-1] * len(obstacles) + [i for i, _ in carried]
         self._link = [shape.link for shape in shapes]
-        self._first = np.array(first, dtype=np.int64)
-        self._joints = np.array(rows)
-        self._q = np.zeros(len(rows))
+        self._q = np.zeros(len(self._joints))
         self._q_of = [self._q[first[i] + 1 : first[i + 1]] for i in range(len(arms))]
+        frame = [0] * len(obstacles) + [first[i] + 1 + shape.link for i, shape in carried]
         self._frame = np.array(frame, dtype=np.int64)
         self._poses = np.array([shape.T_link_shape[:3] for shape in shapes]).reshape(-1, 3, 4)
         self._capsules = np.array([np.concatenate([*shape.capsule[:2], [shape.capsule[2]]]) for shape in shapes])
         self._capsules = self._capsules.reshape(-1, 7)
-        self._frames = np.tile(np.eye(3, 4), (len(rows), 1, 1))
+        self._frames = np.tile(np.eye(3, 4), (len(self._joints), 1, 1))
         for i, arm in enumerate(arms):
             self._frames[first[i]] = arm.T_world_base[:3]
         self._axes = np.zeros((len(shapes), 2, 3))
         self._scene = _Scene(
-            [fcl.CollisionObject(_geometry(shape)) for shape in shapes],
-            pack_bodies(shapes),
-            [shape.tolerance for shape in shapes],
-            self._frames,
-            self._frame,
+            placed=[fcl.CollisionObject(_geometry(shape)) for shape in shapes],
+            bodies=pack_bodies(shapes),
+            tolerance=[shape.tolerance for shape in shapes],
+            frames=self._frames,
+            frame=self._frame,
         )
         self._between: dict[tuple[int, int], _Query] = {}
-        for i, j in combinations(range(len(arms)), 2):
+        couples = list(combinations(range(len(arms)), 2))
+        for i, j in couples:
             self._between[i, j] = self._query((i, j), product(self._of(i), self._of(j)))
             self._between[j, i] = self._query((j, i), product(self._of(j), self._of(i)))
-        couples = combinations(range(len(arms)), 2)
         self._all = self._query(range(len(arms)), (p for i, j in couples for p in product(self._of(i), self._of(j))))
         self._to_obstacles = [self._query((i,), product(self._of(i), self._of(-1))) for i in range(len(arms))]
+        self._self: list[_Query] = []
         self._ignored: list[tuple[tuple[str, str], ...]] = []
-        self._self = []
         for i, arm in enumerate(arms):
-            pairs = [p for p in combinations(self._of(i), 2) if abs(self._link[p[0]] - self._link[p[1]]) > 1]
-            named = {frozenset(pair) for pair in arm.ignored_pairs}
-            asked = [p for p in pairs if frozenset(shapes[k].link_name for k in p) not in named]
-            always = self._always_touching(i, arm, asked)
-            self._self.append(self._query((i,), (p for p in asked if p not in always)))
-            ignored = [p for p in pairs if p in always or p not in asked]
-            self._ignored.append(tuple((self.names[a], self.names[b]) for a, b in ignored))
-            for a, b in always:
-                _LOG.info("%s and %s touch wherever the joints are: left out", self.names[a], self.names[b])
+            self._ask_of_itself(i, arm, [shape.link_name for shape in shapes])
+
+    def _ask_of_itself(self, i: int, arm: Arm, link_names: list[str]) -> None:
+        """What ``self_collision`` and ``ignored_pairs`` answer from."""
+        pairs = [p for p in combinations(self._of(i), 2) if abs(self._link[p[0]] - self._link[p[1]]) > 1]
+        named = {frozenset(pair) for pair in arm.ignored_pairs}
+        asked = [p for p in pairs if frozenset(link_names[k] for k in p) not in named]
+        always = self._always_touching(i, arm, asked)
+        self._self.append(self._query((i,), (p for p in asked if p not in always)))
+        ignored = [p for p in pairs if p in always or p not in asked]
+        self._ignored.append(tuple((self.names[a], self.names[b]) for a, b in ignored))
+        for a, b in always:
+            _LOG.info("%s and %s touch wherever the joints are: left out", self.names[a], self.names[b])
 
     def _always_touching(self, i: int, arm: Arm, pairs: list[tuple[int, int]]) -> set[tuple[int, int]]:
         """Pairs that touch in the middle of the joints' ranges and at samples all over them.
@@ -281,7 +290,7 @@ class Clearance:
     @staticmethod
     def _query(movers: Sequence[int], pairs: Iterable[tuple[int, int]]) -> _Query:
         listed = np.array(list(pairs), dtype=np.int64).reshape(-1, 2)
-        return _Query(np.array(list(movers), dtype=np.int64), listed, np.zeros(len(listed)))
+        return _Query(movers=np.array(list(movers), dtype=np.int64), pairs=listed, bounds=np.zeros(len(listed)))
 
     def between(self, i: int, j: int, q_i: ArrayLike, q_j: ArrayLike, cutoff: float = math.inf) -> Nearest:
         """Clearance between arms i and j at joint positions q_i (n_i,) and q_j (n_j,).

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.robots._model import ArmModel, Capsules
+from armtempo.robots._model import ArmModel
 from armtempo.robots._numba import njit
 
 __all__ = [
@@ -20,10 +20,8 @@ __all__ = [
     "batch_jacobian",
     "batch_link_frames",
     "batch_mass_matrix",
-    "capsule_axes",
     "inverse_dynamics",
     "link_frames",
-    "nearest_capsules",
     "path_coefficients",
     "segment_distance",
 ]
@@ -390,25 +388,6 @@ def batch_jacobian(model: ArmModel, q: Floats, J_out: Floats) -> None:
 
 
 @njit
-def capsule_axes(model: ArmModel, capsules: Capsules, q: Floats, out: Floats) -> None:
-    """World ends of the capsule axes at q (n,), into out (k, 2, 3)."""
-    n = q.shape[0]
-    R = np.empty((n, 3, 3))
-    p = np.empty((n, 3))
-    link_frames(model, q, R, p)
-    for k in range(out.shape[0]):
-        i = capsules.link[k]
-        A, b = (model.base_R, model.base_p) if i < 0 else (R[i], p[i])
-        for r in range(3):
-            out[k, 0, r] = (
-                b[r] + A[r, 0] * capsules.p0[k, 0] + A[r, 1] * capsules.p0[k, 1] + A[r, 2] * capsules.p0[k, 2]
-            )
-            out[k, 1, r] = (
-                b[r] + A[r, 0] * capsules.p1[k, 0] + A[r, 1] * capsules.p1[k, 1] + A[r, 2] * capsules.p1[k, 2]
-            )
-
-
-@njit
 def segment_distance(p0: Floats, p1: Floats, q0: Floats, q1: Floats) -> float:
     """Distance [m] of the segments p0-p1 and q0-q1 (points (3,)); a segment may be a point."""
     ux, uy, uz = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
@@ -442,19 +421,3 @@ def segment_distance(p0: Floats, p1: Floats, q0: Floats, q1: Floats) -> float:
         if case == 0 and det > 1e-6 * a * c:  # well conditioned: no end point can be nearer
             break
     return math.sqrt(best)
-
-
-@njit
-def nearest_capsules(axes_a: Floats, radius_a: Floats, axes_b: Floats, radius_b: Floats) -> tuple[float, int, int]:
-    """Smallest distance [m] (negative: overlap) between two sets of capsules, and the indices of the pair.
-
-    axes (k, 2, 3) from ``capsule_axes``, radius (k,). Without capsules on one side: (inf, -1, -1).
-    """
-    best, best_a, best_b = math.inf, -1, -1
-    for i in range(axes_a.shape[0]):
-        for j in range(axes_b.shape[0]):
-            distance = segment_distance(axes_a[i, 0], axes_a[i, 1], axes_b[j, 0], axes_b[j, 1])
-            distance -= radius_a[i] + radius_b[j]
-            if distance < best:
-                best, best_a, best_b = distance, i, j
-    return best, best_a, best_b

@@ -1,16 +1,34 @@
-"""The one way to compile here: ``numba.njit(cache=True)``, typed for mypy, without fast math: results are certified.
+"""The one way to compile here: cached, typed for mypy, without fast math: results are certified.
 
 Division by zero gives inf or nan as in numpy (``error_model="numpy"``), it does not raise.
+
+numba keeps compiled functions on disk, and notices changes of a function's own file only; what it calls is compiled
+into it. Here a cached function also knows the digest of all files with kernels, so a change in any of them counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+import hashlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 __all__ = ["inlined", "njit", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
+MARKS = (b"@njit", b"@inlined", b"@unlocked")
+
+
+def kernel_digest(folders: Iterable[Path]) -> str:
+    """A digest of all files in ``folders`` that hold kernels: their names and what they say."""
+    digest = hashlib.blake2b(digest_size=16)
+    for folder in folders:
+        for file in sorted(folder.rglob("*.py")):
+            text = file.read_bytes()
+            if any(mark in text for mark in MARKS):
+                digest.update(file.relative_to(folder).as_posix().encode() + b"\0" + text)
+    return digest.hexdigest()
+
 
 if TYPE_CHECKING:
 
@@ -22,9 +40,42 @@ if TYPE_CHECKING:
 
 else:
     import numba
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
-    njit = numba.njit(cache=True, error_model="numpy")
+    _PACKAGE = Path(__file__).parents[1]
+    _DIGEST = kernel_digest(_PACKAGE / name for name in ("robots", "planners", "envs"))
+
+    class _Locator:
+        """numba's own locator, but a function's source is out of date when any kernel has changed."""
+
+        def __init__(self, locator: Any) -> None:
+            self._locator = locator
+
+        def get_source_stamp(self) -> object:
+            return self._locator.get_source_stamp(), _DIGEST
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._locator, name)
+
+    class _CacheImpl(CompileResultCacheImpl):
+        @property
+        def locator(self) -> Any:
+            return _Locator(super().locator)
+
+    class _Cache(FunctionCache):
+        _impl_class = _CacheImpl
+
+    def _compiled(**options: object) -> Callable[[F], F]:
+        def decorate(function: F) -> F:
+            dispatcher = numba.njit(error_model="numpy", **options)(function)
+            if hasattr(dispatcher, "enable_caching"):  # else NUMBA_DISABLE_JIT has given the function back
+                dispatcher._cache = _Cache(function)
+            return dispatcher
+
+        return decorate
+
+    njit = _compiled()
     # Copied into its callers: a call with many arrays costs more (their reference counts) than a short body.
-    inlined = numba.njit(cache=True, error_model="numpy", inline="always")
+    inlined = _compiled(inline="always")
     # Lets other threads run meanwhile.
-    unlocked = numba.njit(cache=True, error_model="numpy", nogil=True)
+    unlocked = _compiled(nogil=True)

@@ -22,8 +22,8 @@ from armtempo.robots._shapes import Shape
 
 __all__ = ["Bodies", "pack_bodies", "separation"]
 
-CONVERGED = 1e-7  # [m] between the bounds
-STEPS = 100  # hulls need about six, cylinders some more
+BOUNDS_GAP_MAX = 1e-7  # [m] between the bounds
+STEPS_MAX = 100  # hulls need about six, cylinders some more
 
 
 class Bodies(NamedTuple):
@@ -184,7 +184,7 @@ def separation(
     if not v[0] * v[0] + v[1] * v[1] + v[2] * v[2] > 0.0:
         v[0] = 1.0
     lower, upper, corners = 0.0, math.inf, 0
-    for _ in range(STEPS):
+    for _ in range(STEPS_MAX):
         x, y, z = v[0], v[1], v[2]
         p0, p1, p2 = _support(a, i, -x, -y, -z)
         q0, q1, q2 = _support(
@@ -195,13 +195,13 @@ def separation(
         w[1] = p1 - (r10 * q0 + r11 * q1 + r12 * q2 + t1)
         w[2] = p2 - (r20 * q0 + r21 * q1 + r22 * q2 + t2)
         lower = max(lower, (x * w[0] + y * w[1] + z * w[2]) / math.sqrt(x * x + y * y + z * z))
-        if lower >= far or (lower >= near and upper < far) or upper - lower <= CONVERGED:
+        if lower >= far or (lower >= near and upper < far) or upper - lower <= BOUNDS_GAP_MAX:
             break
         corners = _nearest(W, corners + 1, v)
         size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         if not size < upper:  # nothing is gained any more: rounding
             break
         upper = size
-        if upper < near or upper < CONVERGED:
+        if upper < near or upper < BOUNDS_GAP_MAX:
             break
     return lower - radius, upper - radius

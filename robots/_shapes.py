@@ -27,13 +27,13 @@ GJK_TOLERANCE: Final = 5e-4
 """FCL's GJK reads up to 2e-4 m too long on rare pairs of robot hulls: subtracted from its results, which is not enough
 for all other kinds, so ``Clearance`` has them proven too [m]."""
 
-SIZES: Final = {
+SIZE_NAMES: Final = {
     "capsule": ("radius", "length"),
     "sphere": ("radius",),
     "box": ("x", "y", "z"),
     "cylinder": ("radius", "length"),
 }
-SHAPE_KINDS: Final = (*SIZES, "convex")
+SHAPE_KINDS: Final = (*SIZE_NAMES, "convex")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -157,7 +157,47 @@ def _hull(data: bytes) -> _Hull:
     R, p = to_box[:3, :3], to_box[:3, 3]
     boxed = vertices @ R.T + p
     corners = (_box_corners(boxed.min(axis=0) - 1e-9, boxed.max(axis=0) + 1e-9) - p) @ R
-    return _Hull(vertices, faces, corners, _enclosing_capsule(vertices, R))
+    return _Hull(vertices=vertices, faces=faces, corners=corners, capsule=_enclosing_capsule(vertices, R))
+
+
+def _checked_size(kind: str, size: Sequence[float], link_name: str) -> tuple[float, ...]:
+    names = SIZE_NAMES.get(kind, ())
+    size = tuple(float(v) for v in size)
+    positive = [0.0 < v < math.inf for v in size]
+    if kind == "capsule" and len(size) == 2:
+        positive[1] = 0.0 <= size[1] < math.inf
+    if len(size) != len(names) or not all(positive):
+        raise RobotError(
+            f"collision shape of {link_name!r}: a {kind} cannot have the size {list(size)}",
+            remedy=f"give {', '.join(names) or 'no size'} in metres, greater than 0",
+            element=link_name,
+        )
+    return size
+
+
+def _convex(vertices: ArrayLike | None, link_name: str) -> _Hull:
+    try:
+        return _hull(np.asarray(() if vertices is None else vertices, dtype=np.float64).tobytes())
+    except ValueError as error:
+        raise RobotError(
+            f"collision hull of {link_name!r}: {error}",
+            remedy="give at least four points that are not in one plane",
+            element=link_name,
+        ) from error
+
+
+def _primitive(kind: str, size: tuple[float, ...]) -> tuple[Floats, tuple[Floats, Floats, float]]:
+    """The points that bound the motion of a primitive (m, 3), and its enclosing capsule, in its own frame."""
+    if kind in ("capsule", "sphere"):
+        half = size[1] / 2 if kind == "capsule" else 0.0
+        p0, p1 = np.array([0.0, 0.0, -half]), np.array([0.0, 0.0, half])
+        return np.array([p0, p1]) if half > 0 else p0.reshape(1, 3), (p0, p1, size[0])
+    sides = np.array(size if kind == "box" else (2 * size[0], 2 * size[0], size[1]))
+    longest = int(np.argmax(sides)) if kind == "box" else 2
+    across = size[0] if kind == "cylinder" else math.hypot(*np.delete(sides, longest)) / 2
+    radius, half = _spindle(across, sides[longest])
+    p1 = half * np.eye(3)[longest]
+    return _box_corners(-sides / 2, sides / 2), (-p1, p1, radius * (1 + 1e-12) + 1e-12)
 
 
 def make_shape(
@@ -173,43 +213,9 @@ def make_shape(
     if kind not in SHAPE_KINDS:
         raise UnknownNameError("collision shape", kind, SHAPE_KINDS)
     T = np.asarray(T_link_shape, dtype=np.float64)
-    size = tuple(float(v) for v in size)
-    names = SIZES.get(kind, ())
-    positive = [0.0 < v < math.inf for v in size]
-    if kind == "capsule" and len(size) == 2:
-        positive[1] = 0.0 <= size[1] < math.inf
-    if len(size) != len(names) or not all(positive):
-        raise RobotError(
-            f"collision shape of {link_name!r}: a {kind} cannot have the size {list(size)}",
-            remedy=f"give {', '.join(names) or 'no size'} in metres, greater than 0",
-            element=link_name,
-        )
-    solid: _Hull | None = None
-    if kind == "convex":
-        try:
-            solid = _hull(np.asarray(() if vertices is None else vertices, dtype=np.float64).tobytes())
-        except ValueError as error:
-            raise RobotError(
-                f"collision hull of {link_name!r}: {error}",
-                remedy="give at least four points that are not in one plane",
-                element=link_name,
-            ) from error
-        points = solid.corners
-        p0, p1, radius = solid.capsule
-    elif kind in ("capsule", "sphere"):
-        radius = size[0]
-        half = size[1] / 2 if kind == "capsule" else 0.0
-        p0, p1 = np.array([0.0, 0.0, -half]), np.array([0.0, 0.0, half])
-        points = np.array([p0, p1]) if half > 0 else p0.reshape(1, 3)
-    else:
-        sides = np.array(size if kind == "box" else (2 * size[0], 2 * size[0], size[1]))
-        points = _box_corners(-sides / 2, sides / 2)
-        longest = int(np.argmax(sides)) if kind == "box" else 2
-        across = size[0] if kind == "cylinder" else math.hypot(*np.delete(sides, longest)) / 2
-        radius, half = _spindle(across, sides[longest])
-        radius = radius * (1 + 1e-12) + 1e-12
-        p1 = half * np.eye(3)[longest]
-        p0 = -p1
+    size = _checked_size(kind, size, link_name)
+    solid = _convex(vertices, link_name) if kind == "convex" else None
+    points, (p0, p1, radius) = _primitive(kind, size) if solid is None else (solid.corners, solid.capsule)
     exact = kind in ("capsule", "sphere")
     R, p = T[:3, :3], T[:3, 3]
     return Shape(

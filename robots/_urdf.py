@@ -21,7 +21,7 @@ from armtempo.robots._shapes import Shape, load_mesh, make_shape
 
 __all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "merge_inertia", "read_urdf"]
 
-MOVABLE: Final = ("revolute", "continuous", "prismatic")
+MOVABLE_TYPES: Final = ("revolute", "continuous", "prismatic")
 Unphysical = Literal["refuse", "point-mass"]
 _LOG = logging.getLogger("armtempo")
 
@@ -115,6 +115,32 @@ class _Reader:
 
     def _parse(self) -> tuple[Any, dict[tuple[str, int], tuple[float, float]], set[str]]:
         """The robot as yourdfpy has it; PyBullet's <capsule> elements, which it refuses; links that have geometry."""
+        root = self._xml()
+        for kind in ("link", "joint"):
+            names = [element.get("name", "") for element in root.findall(kind)]
+            for name in names:
+                if not name or names.count(name) > 1:
+                    self.fail(f"{kind} {name!r}", "has no name of its own", "give each one its own name")
+        capsules: dict[tuple[str, int], tuple[float, float]] = {}
+        visible: set[str] = set()
+        for link in root.findall("link"):
+            name = link.get("name", "")
+            if link.find("visual") is not None or link.find("collision") is not None:
+                visible.add(name)
+            for visual in link.findall("visual"):
+                link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
+            for index, collision in enumerate(link.findall("collision")):
+                capsule = self._take_capsule(name, index, collision)
+                if capsule is not None:
+                    capsules[name, index] = capsule
+        try:
+            text = io.BytesIO(ET.tostring(root))
+            robot = yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except Exception as error:  # noqa: BLE001 - yourdfpy lets KeyError, AttributeError, ValueError through
+            self.fail("file", f"is not a valid URDF: {type(error).__name__}: {error}", "check it with check_urdf")
+        return robot, capsules, visible
+
+    def _xml(self) -> ET.Element:
         try:
             root = ET.parse(self.file).getroot()  # noqa: S314 - the user's own file
         except FileNotFoundError:
@@ -129,36 +155,22 @@ class _Reader:
                 self.fail(
                     "file", f"holds xacro elements, <xacro:{name}> for one", "run xacro first, and give its output"
                 )
-        capsules: dict[tuple[str, int], tuple[float, float]] = {}
-        visible: set[str] = set()
-        for kind in ("link", "joint"):
-            names = [element.get("name", "") for element in root.findall(kind)]
-            for name in names:
-                if not name or names.count(name) > 1:
-                    self.fail(f"{kind} {name!r}", "has no name of its own", "give each one its own name")
-        for link in root.findall("link"):
-            name = link.get("name", "")
-            if link.find("visual") is not None or link.find("collision") is not None:
-                visible.add(name)
-            for visual in link.findall("visual"):
-                link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
-            for index, collision in enumerate(link.findall("collision")):
-                geometry = collision.find("geometry")
-                shape = None if geometry is None or not len(geometry) else geometry[0]
-                if shape is None:
-                    self.fail(f"link {name!r}", f"collision {index} has no shape", "add one inside its <geometry>")
-                if shape.tag == "capsule":
-                    try:
-                        capsules[name, index] = float(shape.attrib["radius"]), float(shape.attrib["length"])
-                    except (KeyError, ValueError):
-                        self.fail(f"link {name!r}", "has a bad <capsule>", "give radius and length in metres")
-                    shape.tag = "cylinder"
+        return root
+
+    def _take_capsule(self, name: str, index: int, collision: ET.Element) -> tuple[float, float] | None:
+        """Radius and length of a collision body that is a capsule, which becomes a cylinder in the XML; else None."""
+        geometry = collision.find("geometry")
+        shape = None if geometry is None or not len(geometry) else geometry[0]
+        if shape is None:
+            self.fail(f"link {name!r}", f"collision {index} has no shape", "add one inside its <geometry>")
+        if shape.tag != "capsule":
+            return None
         try:
-            text = io.BytesIO(ET.tostring(root))
-            robot = yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
-        except Exception as error:  # noqa: BLE001 - yourdfpy lets KeyError, AttributeError, ValueError through
-            self.fail("file", f"is not a valid URDF: {type(error).__name__}: {error}", "check it with check_urdf")
-        return robot, capsules, visible
+            capsule = float(shape.attrib["radius"]), float(shape.attrib["length"])
+        except (KeyError, ValueError):
+            self.fail(f"link {name!r}", "has a bad <capsule>", "give radius and length in metres")
+        shape.tag = "cylinder"
+        return capsule
 
     def _tip(self, tip_link: str | None) -> str:
         if tip_link is not None:
@@ -174,6 +186,21 @@ class _Reader:
 
     def chain(self, tip_link: str | None) -> Chain:
         tip = self._tip(tip_link)
+        movable = self._movable(tip)
+        place, before = self._places(movable)
+        bodies = self._bodies(movable, place)
+        joints = [self._joint(j, T, b) for j, T, b in zip(movable, before, bodies, strict=True)]
+        shapes = [
+            self._shape(name, index, collision, *place[name])
+            for name, link in self.links.items()
+            for index, collision in enumerate(link.collisions)
+        ]
+        return Chain(
+            name=self.robot.name, joints=tuple(joints), shapes=tuple(shapes), tip_link=tip, T_last_tip=place[tip][1]
+        )
+
+    def _movable(self, tip: str) -> list[Any]:
+        """The movable joints from the root to the tip."""
         chain: list[Any] = []
         link = tip
         while link != self.root:
@@ -181,22 +208,26 @@ class _Reader:
                 self.fail(f"link {link!r}", "is part of a loop", "the links must form a tree")
             chain.insert(0, self.parent_joint[link])
             link = chain[0].parent
-        movable = []
         for joint in chain:
-            if joint.type in MOVABLE:
-                movable.append(joint)
+            if joint.type in MOVABLE_TYPES:
                 if joint.mimic is not None:
                     self.fail(f"joint {joint.name!r}", "mimics another", "choose a tip_link before it")
             elif joint.type != "fixed":
-                self.fail(
-                    f"joint {joint.name!r}", f"is {joint.type}", f"only {', '.join(MOVABLE)} and fixed are supported"
-                )
+                remedy = f"only {', '.join(MOVABLE_TYPES)} and fixed are supported"
+                self.fail(f"joint {joint.name!r}", f"is {joint.type}", remedy)
+        movable = [joint for joint in chain if joint.type in MOVABLE_TYPES]
         if not movable:
-            movers = [j.child for j in self.robot.joints if j.type in MOVABLE]
+            movers = [j.child for j in self.robot.joints if j.type in MOVABLE_TYPES]
             remedy = f"choose a tip_link behind one: {', '.join(movers)}" if movers else "give a robot with joints"
             self.fail("robot", f"has no movable joint between {self.root!r} and {tip!r}", remedy)
+        return movable
 
-        place = {self.root: (-1, np.eye(4))}
+    def _places(self, movable: list[Any]) -> tuple[dict[str, tuple[int, Floats]], list[Floats]]:
+        """Of each link: the moving link that carries it (-1: the base), and its pose there; the moving links' poses.
+
+        The latter at zero, in the moving link before.
+        """
+        place: dict[str, tuple[int, Floats]] = {self.root: (-1, np.eye(4))}
         before: list[Floats] = []
         number = {joint.name: i for i, joint in enumerate(movable)}
         stack = [self.root]
@@ -209,29 +240,26 @@ class _Reader:
                 if joint.name in number:
                     before.append(T_joint)  # in chain order: the walk reaches them one behind the other
                 stack.append(joint.child)
-
-        parts: list[list[tuple[float, Floats, Floats]]] = [[] for _ in movable]
-        shapes: list[Shape] = []
-        names = {i: joint.child for i, joint in enumerate(movable)} | {-1: self.root}
-        for name, link in self.links.items():
+        for name in self.links:
             if name not in place:
                 self.fail(f"link {name!r}", "hangs on a loop", "the links must form a tree")
+        return place, before
+
+    def _bodies(self, movable: list[Any], place: dict[str, tuple[int, Floats]]) -> list[Body]:
+        """Of the moving links, with all that is fixed to them."""
+        parts: list[list[tuple[float, Floats, Floats]]] = [[] for _ in movable]
+        for name, link in self.links.items():
             body, T = place[name]
-            if body >= 0:
-                first = names[body] == name
-                if link.inertial is not None:
-                    parts[body].append(self._inertial(name, link.inertial, T))
-                elif first or name in self.visible:
-                    self.fail(f"link {name!r}", "moves but has no <inertial>", "add its mass and inertia")
-            for index, collision in enumerate(link.collisions):
-                shapes.append(self._shape(name, index, collision, body, T))
+            if body < 0:
+                continue
+            if link.inertial is not None:
+                parts[body].append(self._inertial(name, link.inertial, T))
+            elif movable[body].child == name or name in self.visible:
+                self.fail(f"link {name!r}", "moves but has no <inertial>", "add its mass and inertia")
         bodies = [merge_inertia(part) for part in parts]
         if bodies[-1].mass <= 0:
-            self.fail(f"link {names[len(movable) - 1]!r}", "moves but has no mass", "give it a mass greater than 0")
-        joints = [self._joint(j, T, b) for j, T, b in zip(movable, before, bodies, strict=True)]
-        return Chain(
-            name=self.robot.name, joints=tuple(joints), shapes=tuple(shapes), tip_link=tip, T_last_tip=place[tip][1]
-        )
+            self.fail(f"link {movable[-1].child!r}", "moves but has no mass", "give it a mass greater than 0")
+        return bodies
 
     def _inertial(self, name: str, inertial: Any, T: Floats) -> tuple[float, Floats, Floats]:
         mass, inertia = inertial.mass, inertial.inertia

@@ -16,7 +16,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies import RandomActions, SingleArmPolicy, to_action
+from armtempo.agents.policies import Policy, RandomPolicy, to_action
 from armtempo.arrays import Floats32
 from armtempo.envs import BlendTrackingEnv, MappingName
 from armtempo.errors import UnknownNameError
@@ -25,10 +25,6 @@ from armtempo.planners.cells import ProfileName, motion_demand
 
 SAMPLES = 16001  # of a profile, for what it asks of the arm
 MARGIN = 1e-6
-
-
-BlendPolicy = SingleArmPolicy[BlendTrackingEnv]
-"""Decides the feed rate of a blend cell's arm, (1,); baselines and learned agents alike."""
 
 
 @final
@@ -63,13 +59,13 @@ class BlendBaseline:
         profile: Of the environment.
         mapping: Likewise.
         curve: Blends that take the place of the cell's; None: the cell's.
-        make: Makes the policy.
+        make: Makes the policy; None: it is a learned one.
     """
 
     profile: ProfileName
     mapping: MappingName
     curve: str | None
-    make: Callable[[], BlendPolicy]
+    make: Callable[[], Policy[Floats32, Floats32]] | None
 
 
 _BASELINES = {
@@ -79,7 +75,7 @@ _BASELINES = {
     "constant": BlendBaseline(
         profile="line-speed", mapping="exact", curve=None, make=lambda: ConstantRate(None)
     ),
-    "random": BlendBaseline(profile="line-speed", mapping="exact", curve=None, make=RandomActions),
+    "random": BlendBaseline(profile="line-speed", mapping="exact", curve=None, make=RandomPolicy),
 }  # fmt: skip
 BLEND_POLICIES = tuple(_BASELINES)
 

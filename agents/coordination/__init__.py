@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from armtempo.agents.coordination._baselines import (
-    POLICIES,
+    COORDINATION_POLICIES,
     ExecutionPolicy,
     PhasePlanePolicy,
-    RandomPolicy,
     make_policy,
 )
-from armtempo.agents.coordination._evaluate import ONLINE, Evaluation, PolicyResult, evaluate, run_episode
+from armtempo.agents.coordination._kind import ONLINE, CoordinationKind, CoordinationRunner
+from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
 from armtempo.agents.coordination._split_evaluation import SPLIT_POLICIES, CellComparison, SplitComparison, compare_on
 
 __all__ = [
+    "COORDINATION_POLICIES",
     "CellComparison",
-    "Evaluation",
+    "CoordinationKind",
+    "CoordinationResult",
+    "CoordinationRunner",
     "ExecutionPolicy",
     "ONLINE",
-    "POLICIES",
     "PhasePlanePolicy",
-    "PolicyResult",
-    "RandomPolicy",
     "SPLIT_POLICIES",
     "SplitComparison",
     "compare_on",
-    "evaluate",
     "make_policy",
-    "run_episode",
+    "safe_makespan",
 ]

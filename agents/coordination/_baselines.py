@@ -21,7 +21,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies import Actions, Observations, Policy, to_action
+from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import OTHER, OWN, CoordinationEnv, share
 from armtempo.errors import UnknownNameError
@@ -69,22 +69,6 @@ class PhasePlanePolicy:
 
 
 @final
-class RandomPolicy:
-    """Uniform actions."""
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self, seed: int | None = None) -> None:
-        """Start the random numbers again."""
-        self._random = np.random.default_rng(seed)
-
-    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
-        """Draw one action for every agent."""
-        return {agent: self._random.uniform(-1.0, 1.0, 1).astype(np.float32) for agent in observations}
-
-
-@final
 class ExecutionPolicy:
     """Acts by an execution of the planners, made anew where the meaning of a command changes.
 
@@ -108,14 +92,14 @@ class ExecutionPolicy:
         return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
-POLICIES = ("phase-plane", *METHODS, "random")
+COORDINATION_POLICIES = ("phase-plane", *METHODS, "random")
 
 
-def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy:
+def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy[Observations, Actions]:
     """A baseline by name.
 
     Args:
-        name: One of ``POLICIES``.
+        name: One of ``COORDINATION_POLICIES``.
         cell: What it acts in.
         plan: Its schedule, where it is known already.
 
@@ -130,4 +114,4 @@ def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None)
     if name in METHODS:
         plan = plan if plan is not None else schedule(cell, name)
         return ExecutionPolicy(partial(execution_of, plan))
-    raise UnknownNameError("policy", name, POLICIES)
+    raise UnknownNameError("policy", name, COORDINATION_POLICIES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
-from armtempo.agents.coordination._evaluate import ONLINE, clairvoyant_makespans, run_episode
-from armtempo.agents.evaluation import Interval, ratio_interval
-from armtempo.agents.policies import Policy, is_agent_name, learned_policy
+from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans
+from armtempo.agents.coordination._result import safe_makespan
+from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
+from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import CoordinationCell, Schedule, execution_of, schedule
@@ -167,11 +167,9 @@ def _compare(
         policy = _policy(name, env)
         if policy is None:
             continue
-        traces = [run_episode(env, policy, seed + k)[0] for k in range(episodes)]
-        violations[name] = sum(trace.violations for trace in traces)
-        makespans[name] = tuple(
-            trace.makespan if math.isfinite(trace.makespan) and not trace.violations else None for trace in traces
-        )
+        runs = run_episodes(CoordinationRunner(env=env, policy=policy), name, episodes, seed)
+        violations[name] = sum(run.trace.violations for run in runs)
+        makespans[name] = tuple(safe_makespan(run.trace) for run in runs)
     return CellComparison(
         cell=cell.name,
         priority_class=cell.priority_class,
@@ -181,7 +179,7 @@ def _compare(
     )
 
 
-def _policy(name: str, env: CoordinationEnv) -> Policy | None:
+def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | None:
     """A policy for a cell; None where it has no plan."""
     if is_agent_name(name):
         return learned_policy(name, env)

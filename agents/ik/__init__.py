@@ -5,23 +5,21 @@ from __future__ import annotations
 from armtempo.agents.ik._baselines import (
     IK_POLICIES,
     GainPolicy,
-    IKPolicy,
     LawPolicy,
     NewtonPolicy,
     action_mode_of,
     ik_policy,
 )
-from armtempo.agents.ik._evaluate import IKEvaluation, IKPolicyResult, evaluate_ik
+from armtempo.agents.ik._kind import IKKind
+from armtempo.agents.ik._result import IKResult
 
 __all__ = [
     "GainPolicy",
-    "IKEvaluation",
-    "IKPolicy",
-    "IKPolicyResult",
+    "IKKind",
+    "IKResult",
     "IK_POLICIES",
     "LawPolicy",
     "NewtonPolicy",
     "action_mode_of",
-    "evaluate_ik",
     "ik_policy",
 ]

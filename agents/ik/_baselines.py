@@ -23,7 +23,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies import RandomActions, SingleArmPolicy
+from armtempo.agents.policies import Policy, RandomPolicy
 from armtempo.arrays import Floats, Floats32
 from armtempo.envs import ActionMode, FeedbackIKEnv
 from armtempo.errors import UnknownNameError
@@ -35,9 +35,6 @@ TURNS = 2.0  # cap of the angular speed, in mean joint speed caps; that of the t
 
 OFF = 0.5  # error scales of position from which gains are scheduled
 SCHEDULED = np.array([-1.0, 1.0, 1.0, 1.0], dtype=np.float32)
-
-IKPolicy = SingleArmPolicy[FeedbackIKEnv]
-"""Decides the joint speeds of an IK cell's arm, (n,), or its law's gains, (4,); baselines and learned agents alike."""
 
 
 @final
@@ -69,7 +66,7 @@ class LawPolicy:
 
     def _law_of(self, cell: IKCell) -> tuple[FeedbackIK, PoseTarget]:
         if self._made is None or self._made[0] is not cell:
-            law, arm, pace = cell.config.law, cell.arm, float(cell.arm.speed_max.mean())
+            law, arm, pace = cell.law, cell.arm, float(cell.arm.speed_max.mean())
             solver = FeedbackIK(
                 arm,
                 cell.solver.gains,
@@ -122,7 +119,7 @@ class GainPolicy:
 
     def act(self, observation: Floats32, env: FeedbackIKEnv) -> Floats32:
         """By which powers of four gains are multiplied."""
-        off = env.simulation.position_error > OFF * env.cell.config.error_scale_m
+        off = env.simulation.position_error > OFF * env.cell.error_scales[0]
         return SCHEDULED.copy() if self.scheduled and off else np.zeros_like(SCHEDULED)
 
 
@@ -137,14 +134,14 @@ def _shares(cell: IKCell, speeds: Floats) -> Floats32:
     return np.clip(speeds / cell.arm.speed_max, -1.0, 1.0).astype(np.float32)
 
 
-_BASELINES: dict[str, Callable[[], IKPolicy]] = {
+_BASELINES: dict[str, Callable[[], Policy[Floats32, Floats32]]] = {
     "feedback": lambda: LawPolicy(feed_forward=False, damped=False),
     "feedback-ff": lambda: LawPolicy(feed_forward=True, damped=False),
     "feedback-damped": lambda: LawPolicy(feed_forward=True, damped=True),
     "newton": NewtonPolicy,
     "law": lambda: GainPolicy(scheduled=False),
     "law-scheduled": lambda: GainPolicy(scheduled=True),
-    "random": RandomActions,
+    "random": RandomPolicy,
 }
 IK_POLICIES = tuple(_BASELINES)
 
@@ -154,7 +151,7 @@ def action_mode_of(name: str) -> ActionMode:
     return "gains" if name in ("law", "law-scheduled") else "speeds"
 
 
-def ik_policy(name: str) -> IKPolicy:
+def ik_policy(name: str) -> Policy[Floats32, Floats32]:
     """A baseline by name.
 
     Raises:

@@ -5,21 +5,20 @@ from __future__ import annotations
 from armtempo.agents.policies._agent_file import (
     Agent,
     AgentHeader,
+    EnvironmentName,
     find_agent,
     is_agent_name,
     load_agent,
     save_agent,
     shipped_agents,
 )
-from armtempo.agents.policies._learned import LearnedOneArmPolicy, LearnedPolicy, check_fits, learned_policy
+from armtempo.agents.policies._learned import LearnedPolicy, learned_policy
 from armtempo.agents.policies._policy import (
     Actions,
     Observations,
     Policy,
-    RandomActions,
-    SingleArmPolicy,
+    RandomPolicy,
     chosen_policies,
-    run_to_end,
     to_action,
 )
 
@@ -27,19 +26,16 @@ __all__ = [
     "Actions",
     "Agent",
     "AgentHeader",
-    "LearnedOneArmPolicy",
+    "EnvironmentName",
     "LearnedPolicy",
     "Observations",
     "Policy",
-    "RandomActions",
-    "SingleArmPolicy",
-    "check_fits",
+    "RandomPolicy",
     "chosen_policies",
     "find_agent",
     "is_agent_name",
     "learned_policy",
     "load_agent",
-    "run_to_end",
     "save_agent",
     "shipped_agents",
     "to_action",

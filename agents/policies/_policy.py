@@ -3,47 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, TypeVar, final
+from typing import Any, Protocol, TypeVar, final, overload
 
 import numpy as np
 
 from armtempo.agents.policies._agent_file import find_agent, is_agent_name
 from armtempo.arrays import Floats32
-from armtempo.envs import BlendTrackingEnv, CoordinationEnv, FeedbackIKEnv
 from armtempo.errors import InputError, UnknownNameError
 
 Observations = dict[str, Floats32]
 Actions = dict[str, Floats32]
-Env = TypeVar("Env", BlendTrackingEnv, FeedbackIKEnv)
-Met_contra = TypeVar("Met_contra", BlendTrackingEnv, FeedbackIKEnv, contravariant=True)
+ObservationT_contra = TypeVar("ObservationT_contra", contravariant=True)
+ActionT_co = TypeVar("ActionT_co", covariant=True)
 
 
-class Policy(Protocol):
-    """Decides for all arms of an environment; baselines and learned agents alike."""
+class Policy(Protocol[ObservationT_contra, ActionT_co]):
+    """Decides in an environment; baselines and learned agents alike.
 
-    def reset(self, seed: int | None = None) -> None:
-        """Forget the last episode; all randomness comes from ``seed``."""
-        ...
-
-    def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
-        """One action (1,) float32 in [-1, 1] for every agent that is observed."""
-        ...
-
-
-class SingleArmPolicy(Protocol[Met_contra]):
-    """Decides for the arm of an environment with one."""
+    In PettingZoo ``Policy[Observations, Actions]``: a row for every agent that is observed, and one action (1,) float32
+    in [-1, 1] for each. In Gymnasium ``Policy[Floats32, Floats32]``: one row, and one action of the space.
+    """
 
     def reset(self, seed: int | None = None) -> None:
         """Forget the last episode; all randomness comes from ``seed``."""
         ...
 
-    def act(self, observation: Floats32, env: Met_contra) -> Floats32:
-        """One action of the environment's space."""
+    def act(self, observation: ObservationT_contra, env: Any) -> ActionT_co:
+        """What to do about an observation of ``env``."""
         ...
 
 
 @final
-class RandomActions:
+class RandomPolicy:
     """Uniform actions."""
 
     def __init__(self) -> None:
@@ -53,23 +44,18 @@ class RandomActions:
         """Start the random numbers again."""
         self._random = np.random.default_rng(seed)
 
-    def act(self, observation: Floats32, env: BlendTrackingEnv | FeedbackIKEnv) -> Floats32:
-        """Draw an action."""
-        return self._random.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+    @overload
+    def act(self, observation: Floats32, env: Any) -> Floats32: ...
+    @overload
+    def act(self, observation: Observations, env: Any) -> Actions: ...
+    def act(self, observation: Floats32 | Observations, env: Any) -> Floats32 | Actions:
+        """Draw an action, or one for every agent."""
+        if isinstance(observation, dict):
+            return {agent: self._draw(env.action_space(agent).shape) for agent in observation}
+        return self._draw(env.action_space.shape)
 
-
-def run_to_end(
-    env: Env, policy: SingleArmPolicy[Env], seed: int | None = None, options: dict[str, Any] | None = None
-) -> tuple[float, dict[str, Any]]:
-    """One episode of one arm; returns the sum of its rewards and its last info."""
-    observation, info = env.reset(seed=seed, options=options)
-    policy.reset(seed)
-    total, over = 0.0, False
-    while not over:
-        observation, reward, terminated, truncated, info = env.step(policy.act(observation, env))
-        total += reward
-        over = terminated or truncated
-    return total, info
+    def _draw(self, shape: tuple[int, ...]) -> Floats32:
+        return self._random.uniform(-1.0, 1.0, shape).astype(np.float32)
 
 
 def to_action(command: float) -> Floats32:

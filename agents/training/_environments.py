@@ -39,7 +39,7 @@ AnyCell = CoordinationCell | BlendCell | IKCell
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Workplace:
+class TrainingTask:
     """Where a training happens.
 
     Attributes:
@@ -79,7 +79,7 @@ class Workplace:
         return make(cell, record=True, **options)
 
 
-def workplace(config: TrainConfig) -> Workplace:
+def training_task(config: TrainConfig) -> TrainingTask:
     """Build the cells of a training.
 
     Raises:
@@ -91,7 +91,7 @@ def workplace(config: TrainConfig) -> Workplace:
         settings = {"physics": chosen.physics, "mode": chosen.mode}
         if chosen.shield:
             settings["shield"] = True
-        return Workplace(
+        return TrainingTask(
             config=config,
             cells=_coordination_cells(chosen, config.source),
             environment="coordination",
@@ -110,7 +110,7 @@ def workplace(config: TrainConfig) -> Workplace:
         cell = build_cell(load_cell_config(source, IKCellConfig))
         settings |= {"action_mode": chosen.action_mode}
         variants, environment = tuple({"family": family} for family in chosen.families), "feedback-ik"
-    return Workplace(
+    return TrainingTask(
         config=config, cells=(cell,), environment=environment, settings=settings, disturbed={}, variants=variants
     )
 
@@ -155,7 +155,7 @@ def _disturbed(chosen: CoordinationTraining) -> dict[str, Any]:
     return options
 
 
-def training_env(place: Workplace) -> Any:
+def training_env(task: TrainingTask) -> Any:
     """The ``VecEnv`` that a training steps: batched where the physics are ideal, else one environment after another."""
     from gymnasium.vector import AutoresetMode
     from gymnasium.wrappers import TransformReward
@@ -165,12 +165,12 @@ def training_env(place: Workplace) -> Any:
     from armtempo.agents.training.vec_envs import ParallelVecEnv, VectorVecEnv
 
     options: dict[str, Any]
-    config, chosen, cells = place.config, place.config.environment, place.cells
+    config, chosen, cells = task.config, task.config.environment, task.cells
     if isinstance(chosen, CoordinationTraining) and chosen.physics == "ideal":
         several = [cell for cell in cells if isinstance(cell, CoordinationCell)]
         arms = len(several[0].arms)
         learners = (arms - 1,) if chosen.learners == "last" else tuple(range(arms))
-        options = place.settings | place.disturbed | {"reward": chosen.reward, "learners": learners}
+        options = task.settings | task.disturbed | {"reward": chosen.reward, "learners": learners}
         del options["physics"]
         batch = CoordinationVectorEnv(several, config.num_envs, **options)
         return VectorVecEnv(batch, cut_penalty=chosen.cut_penalty)
@@ -189,8 +189,8 @@ def training_env(place: Workplace) -> Any:
                 autoreset_mode=AutoresetMode.SAME_STEP,
             )
         )  # fmt: skip
-    options = place.settings | place.disturbed
-    turn, variants = itertools.cycle(cells), itertools.cycle(place.variants)
+    options = task.settings | task.disturbed
+    turn, variants = itertools.cycle(cells), itertools.cycle(task.variants)
     if isinstance(chosen, CoordinationTraining) and chosen.learners == "all":
         return ParallelVecEnv(lambda: CoordinationEnv(next(turn), **options), config.num_envs)  # type: ignore[arg-type]
 

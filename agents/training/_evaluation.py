@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any, final
 
 import numpy as np
 
-from armtempo.agents.coordination import ExecutionPolicy, run_episode
-from armtempo.agents.policies import Agent, LearnedOneArmPolicy, LearnedPolicy, Policy, run_to_end
-from armtempo.agents.training._environments import Workplace
+from armtempo.agents.coordination import ExecutionPolicy, safe_makespan
+from armtempo.agents.evaluation import play, run_episode
+from armtempo.agents.policies import Actions, Agent, LearnedPolicy, Observations, Policy
+from armtempo.agents.training._environments import TrainingTask
 from armtempo.envs import CoordinationEnv
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, execution_of, schedule
 
-FEW = 2  # arms for which the optimum is found quickly
+ARMS_WITH_QUICK_OPTIMUM = 2  # at most, for the optimum to be found quickly
 
 COLUMNS = (
     "steps", "seconds", "reward", "finished", "episodes", "violations", "makespan_s", "gap_percent",
@@ -33,22 +33,22 @@ class TrainEvaluation:
     as the training has them. Of one arm, the reward and successes alone.
     """
 
-    def __init__(self, place: Workplace) -> None:
-        self._place, self._config = place, place.config.evaluation
-        self._cells = place.cells[: self._config.cells]
-        variants = range(len(place.variants))
-        self._disturbed = [place.single(cell, variant=k) for cell in self._cells for k in variants]
-        self._undisturbed = [place.single(cell, disturbed=False) for cell in self._cells]
+    def __init__(self, task: TrainingTask) -> None:
+        self._task, self._config = task, task.config.evaluation
+        self._cells = task.cells[: self._config.cells]
+        variants = range(len(task.variants))
+        self._disturbed = [task.single(cell, variant=k) for cell in self._cells for k in variants]
+        self._undisturbed = [task.single(cell, disturbed=False) for cell in self._cells]
         self._optimum: list[float | None] | None = None
 
     def row(self, agent: Agent) -> dict[str, Any]:
         """Evaluate an agent; the same agent gives the same row."""
-        if self._place.environment == "coordination":
+        if self._task.environment == "coordination":
             return self._of_several(agent)
         rewards, finished = [], 0
         for k in range(self._config.episodes):
             env = self._disturbed[k % len(self._disturbed)]
-            reward, info = run_to_end(env, LearnedOneArmPolicy(agent), self._config.seed + k)
+            reward, info = play(env, LearnedPolicy(agent), self._config.seed + k)
             rewards.append(reward)
             finished += bool(info.get("is_success"))
         return {
@@ -87,7 +87,7 @@ class TrainEvaluation:
 
     def _optimal(self, env: CoordinationEnv) -> float | None:
         """Makespan of the optimal plan, run in the same environment."""
-        if len(env.cell.arms) > FEW:
+        if len(env.cell.arms) > ARMS_WITH_QUICK_OPTIMUM:
             return None
         try:
             plan = schedule(env.cell, "optimal")
@@ -101,11 +101,12 @@ class TrainEvaluation:
             env.close()
 
 
-def _makespan(env: CoordinationEnv, policy: Policy, seed: int) -> tuple[float | None, float, bool]:
+def _makespan(
+    env: CoordinationEnv, policy: Policy[Observations, Actions], seed: int
+) -> tuple[float | None, float, bool]:
     """Makespan, or None if an arm did not arrive or two came too close; reward; whether they did."""
     trace, reward = run_episode(env, policy, seed)
-    good = math.isfinite(trace.makespan) and not trace.violations
-    return trace.makespan if good else None, reward, trace.violations > 0
+    return safe_makespan(trace), reward, trace.violations > 0
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -18,7 +18,7 @@ from stable_baselines3.common.logger import configure
 from armtempo import __version__
 from armtempo.agents.policies import Agent, AgentHeader, save_agent
 from armtempo.agents.training._checkpoint import read_checkpoint, restore, save_checkpoint
-from armtempo.agents.training._environments import Workplace, training_env, workplace
+from armtempo.agents.training._environments import TrainingTask, training_env, training_task
 from armtempo.agents.training._evaluation import COLUMNS, TrainEvaluation
 from armtempo.agents.training._export import agent_of
 from armtempo.agents.training._model import training_model
@@ -84,9 +84,9 @@ def train(
     if checkpoint.exists() and not resume:
         raise InputError(f"{folder}: holds a training already", remedy="resume it, or give another folder")
     content = read_checkpoint(checkpoint) if resume else None
-    place = workplace(chosen)
-    env = training_env(place)
-    evaluation = TrainEvaluation(place)
+    task = training_task(chosen)
+    env = training_env(task)
+    evaluation = TrainEvaluation(task)
     try:
         _leave_undisturbed(env, chosen, 0)
         model = training_model(chosen, env)
@@ -94,12 +94,12 @@ def train(
         curve = [] if content is None else restore(checkpoint, content, model, said)
         folder.mkdir(parents=True, exist_ok=True)
         model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-        watch = _Watch(place, evaluation, folder, said, curve, on_progress, on_row)
+        callback = EvaluationCallback(task, evaluation, folder, said, curve, on_progress, on_row)
         left = chosen.total_steps - model.num_timesteps
         if left > 0:
-            model.learn(left, callback=watch, log_interval=1, reset_num_timesteps=content is None)
-        watch.finish(model)
-        agent = agent_of(model, _header(place, int(model.num_timesteps), curve))
+            model.learn(left, callback=callback, log_interval=1, reset_num_timesteps=content is None)
+        callback.finish(model)
+        agent = agent_of(model, _header(task, int(model.num_timesteps), curve))
         save_agent(folder / AGENT, agent)
     finally:
         evaluation.close()
@@ -120,18 +120,18 @@ def _said(config: TrainConfig) -> str:
     return json.dumps(config.model_dump(mode="json"), sort_keys=True)
 
 
-def _header(place: Workplace, steps: int, curve: list[Row]) -> AgentHeader:
-    config, chosen = place.config, place.config.environment
+def _header(task: TrainingTask, steps: int, curve: list[Row]) -> AgentHeader:
+    config, chosen = task.config, task.config.environment
     line = ["armtempo", "train", _called(config), "--seed", str(config.seed)]
     return AgentHeader(
         name=config.name,
         algorithm=config.algorithm,
         activation=config.network.activation,
-        environment=place.environment,  # type: ignore[arg-type]
-        settings=place.settings,
+        environment=task.environment,  # type: ignore[arg-type]
+        settings=task.settings,
         learners=chosen.learners if isinstance(chosen, CoordinationTraining) else None,
-        entries=place.entries,
-        cells=[cell.name for cell in place.cells],
+        entries=task.entries,
+        cells=[cell.name for cell in task.cells],
         steps=steps,
         seed=config.seed,
         command=shlex.join([*line, "--steps", str(config.total_steps)]),
@@ -149,12 +149,12 @@ def _called(config: TrainConfig) -> str:
 
 
 @final
-class _Watch(BaseCallback):
+class EvaluationCallback(BaseCallback):
     """Between two rollouts: evaluates the agent, writes the curve and the checkpoint where they are due."""
 
     def __init__(
         self,
-        place: Workplace,
+        task: TrainingTask,
         evaluation: TrainEvaluation,
         folder: Path,
         said: str,
@@ -163,18 +163,18 @@ class _Watch(BaseCallback):
         on_row: Callable[[Row], None] | None,
     ) -> None:
         super().__init__()
-        self._place, self._evaluation, self._folder, self._said = place, evaluation, folder, said
+        self._task, self._evaluation, self._folder, self._said = task, evaluation, folder, said
         self._curve, self._on_progress, self._on_row = curve, on_progress, on_row
         self._began = time.perf_counter() - (curve[-1]["seconds"] if curve else 0.0)
 
     def _on_training_start(self) -> None:
-        config = self._place.config
+        config = self._task.config
         resumed = self.model.num_timesteps > 0
         self._evaluated = self.model.num_timesteps // config.evaluation.every_steps if resumed else -1
         self._saved = self.model.num_timesteps // config.checkpoint_every_steps
 
     def _on_rollout_start(self) -> None:
-        config, steps = self._place.config, self.model.num_timesteps
+        config, steps = self._task.config, self.model.num_timesteps
         if self._on_progress is not None:
             self._on_progress(steps, config.total_steps)
         _leave_undisturbed(self.training_env, config, steps)
@@ -197,7 +197,7 @@ class _Watch(BaseCallback):
 
     def _evaluate(self, model: Any) -> None:
         steps = int(model.num_timesteps)
-        result = self._evaluation.row(agent_of(model, _header(self._place, steps, [])))
+        result = self._evaluation.row(agent_of(model, _header(self._task, steps, [])))
         row = {"steps": steps, "seconds": round(time.perf_counter() - self._began, 1), **result}
         self._curve.append(row)
         with whole_file(self._folder / CURVE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""What commands share: options, console, progress bars, and files that are written whole or not at all."""
+"""What commands share: console, progress bars, and files that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Any
 
 from armtempo.files import whole_file
 
@@ -21,20 +18,10 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-    from armtempo.planners import BlendCell, CoordinationCell, IKCell, Schedule
+    from armtempo.planners import BlendCell, Cell, CoordinationCell, IKCell
 
 LOADING = "Loading {} (compiles once after installation, about a minute)"
-ONE_ARM_KINDS = {  # and the commands that take them
-    "blend": "cells, evaluate, reproduce lee2006",
-    "ik": "cells, evaluate, reproduce chung",
-}
 WIDTH = 118  # of tables that go to a file or a pipe
-
-CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
-JsonFile = Annotated[str | None, tyro.conf.arg(name="json", metavar="FILE", help_behavior_hint="(default: none)")]
-OutFolder = Annotated[
-    Path | None, tyro.conf.arg(name="out", metavar="DIR", help_behavior_hint="(default: results/<cell>)")
-]
 
 
 def plain(value: Any) -> Any:
@@ -58,7 +45,7 @@ class Output:
     """
 
     def __init__(self, json_file: str | None) -> None:
-        from rich.console import Console
+        from rich.console import Console  # late, as the rest of rich here: --help is to be quick
 
         self._json_file = json_file
         self._quiet = json_file == "-"
@@ -154,69 +141,14 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
     return f"{round(value * scale, digits) + 0.0:.{digits}f}"  # adding 0.0 takes the sign off a zero
 
 
-def open_cell(name: str, output: Output) -> CoordinationCell:
-    """Load and certify a cell of several arms, with a spinner.
-
-    Raises:
-        ConfigError: It is of another kind.
-    """
-    with output.progress(LOADING.format(name)):
-        from armtempo.errors import ConfigError
-        from armtempo.planners import CoordinationCell, load_cell
-
-        try:
-            return load_cell(name, CoordinationCell)
-        except ConfigError as error:
-            if error.data["key"] != "kind" or error.data["value"] not in ONE_ARM_KINDS:
-                raise
-            kind = error.data["value"]
-            remedy = f"{kind} cells: armtempo {ONE_ARM_KINDS[kind]}; here: a cell of kind coordination, such as lee1991"
-            raise ConfigError(error.message, remedy=remedy, **error.data) from None
-
-
-def open_any_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
+def open_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
     with output.progress(LOADING.format(name)):
-        from armtempo.planners import load_cell
+        from armtempo.planners import load_cell  # late: --help is to be quick
 
         return load_cell(name, None)
 
 
-def plan_all(
-    cell: CoordinationCell, methods: Sequence[str], output: Output, *, period: float | None = None
-) -> tuple[dict[str, Schedule], dict[str, str], dict[str, float]]:
-    """Plan by every method, with a progress bar.
-
-    Returns:
-        Schedules by method; why the others have none; seconds taken by each.
-
-    Raises:
-        InfeasibleError: No method has a schedule (that of the last one asked).
-    """
-    import time
-
-    from armtempo.errors import InfeasibleError
-    from armtempo.planners import METHODS, schedule
-
-    schedules: dict[str, Schedule] = {}
-    refusals: dict[str, str] = {}
-    seconds: dict[str, float] = {}
-    chosen = tuple(dict.fromkeys(methods)) or METHODS
-    with output.progress("Planning", len(chosen)) as (progress, task):
-        _ = cell.fastest, [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]  # shared
-        for k, method in enumerate(chosen):
-            progress.update(task, description=f"Planning {method}", completed=k)
-            start = time.perf_counter()
-            try:
-                schedules[method] = schedule(cell, method, period=(period or None) if method == "vci" else None)
-            except InfeasibleError as refusal:
-                refusals[method] = str(refusal)
-                if len(refusals) == len(chosen):
-                    raise
-            seconds[method] = time.perf_counter() - start
-    return schedules, refusals, seconds
-
-
-def default_folder(cell: CoordinationCell | BlendCell | IKCell, out: Path | None) -> Path:
+def default_folder(cell: Cell, out: Path | None) -> Path:
     """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
     return Path("results") / cell.name if out is None else out

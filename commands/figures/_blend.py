@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from armtempo.arrays import Floats
 from armtempo.commands.figures._one_arm import (
     FROM_ABOVE,
     FROM_THE_SIDE,
     LIMIT,
     START,
+    Loaded,
+    Moving,
+    Timed,
     View,
     draw_arm,
     draw_start,
+    joint_speeds,
     legend,
     line_of,
     purposeful,
     torques,
 )
-from armtempo.commands.figures._style import FAINT, INK, MUTED, new_figure, note, styled
+from armtempo.commands.figures._style import FAINT, INK, MUTED, new_figure, note, policy_color, styled
 from armtempo.planners import BlendCell
 from armtempo.planners.blends import Blend
 
@@ -35,15 +40,53 @@ if TYPE_CHECKING:
 SAMPLES = 2000
 RISE = 0.15  # of its length: a path that rises and falls by more is seen from the side, too
 BLEND = "#E69F00"
+SMOOTH = policy_color("limit-aware-smooth")
 SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 
 
 def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
-    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.family == "given" else {}
+    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.options.family == "given" else {}
     figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
     return {**figures, "torque": torques(traces)}
+
+
+class Accelerated(Timed, Protocol):
+    """A motion along the path of a cell: length, speed, acceleration, jerk (T,) on it."""
+
+    @property
+    def cell(self) -> BlendCell: ...
+
+    @property
+    def s(self) -> Floats: ...
+
+    @property
+    def v(self) -> Floats: ...
+
+    @property
+    def a(self) -> Floats: ...
+
+    @property
+    def j(self) -> Floats: ...
+
+
+class AlongPath(Accelerated, Loaded, Moving, Protocol):
+    """That, and what the joints do."""
+
+    @property
+    def cell(self) -> BlendCell: ...
+
+
+def blend_plan_figures(plans: Mapping[str, AlongPath]) -> dict[str, Figure]:
+    """Figures of planned profiles by file name."""
+    return {
+        "path": planned_path(plans),
+        "line_speed": planned_speeds(plans),
+        "accelerations": accelerations(plans),
+        "joint_speeds": joint_speeds(plans),
+        "torque": torques(plans),
+    }
 
 
 def _windows(cell: BlendCell) -> list[tuple[float, float]]:
@@ -64,23 +107,73 @@ def blended_path(cell: BlendCell, traces: Mapping[str, BlendTrace]) -> Figure:
 
     The path is seen from above, and from the side too where it rises by more than it could show.
     """
-    height = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))[:, 2]
-    rises = float(np.ptp(height)) > RISE * cell.blended.length
-    views = (FROM_ABOVE, FROM_THE_SIDE) if rises else (FROM_ABOVE,)
-    figure = new_figure(9.2 + 3.6 * rises, 4.4)
-    *seen, errors = figure.subplots(1, len(views) + 1, width_ratios=(1.15,) * len(views) + (1.0,))
-    for axes, view in zip(seen, views, strict=True):
-        axes.set_title(f"Path {view.title}" + (f", {cell.config.blend.curve} blends" if view is views[0] else ""))
-        _draw_path(axes, view, cell)
+    figure, errors = _path_figure(cell)
     allowed = _contour_errors(errors, cell, traces)
-    handles = (
+    legend(figure, traces if allowed else {}, *_path_handles(), *allowed)
+    return figure
+
+
+def _path_handles() -> tuple[Line2D, ...]:
+    """What the legend says of a path."""
+    return (
         Line2D([], [], color=MUTED, linewidth=1.0, linestyle=(0, (2, 2)), label="given segments"),
         Line2D([], [], color=INK, linewidth=1.8, label="blended path"),
         Line2D([], [], color=BLEND, linewidth=3.0, label="blend"),
         Line2D([], [], label="start", **START),
-        *allowed,
     )
-    legend(figure, traces if allowed else {}, *handles)
+
+
+def _path_figure(cell: BlendCell) -> tuple[Figure, Axes]:
+    """A figure with the path and the arm on its left, and axes for something else on its right."""
+    height = cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES))[:, 2]
+    rises = float(np.ptp(height)) > RISE * cell.blended.length
+    views = (FROM_ABOVE, FROM_THE_SIDE) if rises else (FROM_ABOVE,)
+    figure = new_figure(9.2 + 3.6 * rises, 4.4)
+    *seen, beside = figure.subplots(1, len(views) + 1, width_ratios=(1.15,) * len(views) + (1.0,))
+    for axes, view in zip(seen, views, strict=True):
+        axes.set_title(f"Path {view.title}" + (f", {cell.config.blend.curve} blends" if view is views[0] else ""))
+        _draw_path(axes, view, cell)
+    return figure, beside
+
+
+@styled
+def planned_path(plans: Mapping[str, AlongPath]) -> Figure:
+    """The path with its corners and the arm, and the curvature of every curve that is planned on."""
+    cell = next(iter(plans.values())).cell
+    figure, curvature = _path_figure(cell)
+    curvature.set_title("Curvature along the path")
+    _shade(curvature, cell)
+    curves = {plan.cell.config.blend.curve: plan.cell.blended for plan in plans.values()}
+    lines: list[Line2D] = []
+    for name, path in curves.items():
+        s, first = np.linspace(0.0, path.length, SAMPLES), not lines
+        lines += curvature.plot(
+            s, path.curvature(s), color=INK if first else SMOOTH, linewidth=1.2, label=f"{name} blends"
+        )
+    curvature.set_ylim(bottom=0.0)
+    curvature.set_xlabel("length along the path [m]")
+    curvature.set_ylabel("curvature [1/m]")
+    legend(figure, {}, *_path_handles(), *lines)
+    return figure
+
+
+@styled
+def planned_speeds(plans: Mapping[str, AlongPath]) -> Figure:
+    """Speed of every profile over time, and along the path with its blends shaded."""
+    figure = new_figure(8.6, 4.8)
+    over_time, along = figure.subplots(2, 1)
+    over_time.set_title("Line speed over time")
+    along.set_title("Line speed along the path, blends shaded")
+    cell = next(iter(plans.values())).cell
+    _shade(along, cell)
+    for name, plan in plans.items():
+        over_time.plot(plan.time, 1e3 * plan.v, **line_of(name))
+        along.plot(plan.s / plan.cell.blended.length * cell.blended.length, 1e3 * plan.v, **line_of(name))
+    for axes, label in ((over_time, "time [s]"), (along, "length along the path [m]")):
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel("speed [mm/s]")
+        axes.set_xlabel(label)
+    legend(figure, plans)
     return figure
 
 
@@ -149,7 +242,7 @@ def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
 
 
 @styled
-def accelerations(traces: Mapping[str, BlendTrace]) -> Figure:
+def accelerations(traces: Mapping[str, Accelerated]) -> Figure:
     """Acceleration of the reference along and across the path and its jerk as shares of their limits."""
     figure = new_figure(8.6, 6.2)
     along, across, jerk = figure.subplots(3, 1, sharex=True)

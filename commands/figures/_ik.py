@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from armtempo.arrays import Floats
 from armtempo.commands.figures._one_arm import (
     ARM,
     FROM_ABOVE,
     FROM_THE_SIDE,
-    LIMIT,
     START,
+    Loaded,
+    Moving,
+    Timed,
     draw_arm,
     draw_start,
+    joint_speeds,
     legend,
     line_of,
     purposeful,
@@ -28,14 +33,45 @@ from armtempo.planners import IKCell
 
 if TYPE_CHECKING:
     from armtempo.agents import IKEvaluation
-    from armtempo.envs import IKTrace
 
 
 SMALLEST_M, SMALLEST_RAD = 1e-6, 1e-7  # errors below are drawn there
 BACK = 0.05  # of its extent: a target that ends so near its start has come back
 TARGET: dict[str, Any] = {"color": INK, "linewidth": 8.0, "alpha": 0.28, "zorder": 2.5}
 LAG: dict[str, Any] = {"color": INK, "linewidth": 1.1, "linestyle": (0, (2, 2)), "zorder": 6.0}
+BOUND: dict[str, Any] = {"color": "#B00020", "linewidth": 0.9, "linestyle": (0, (2, 2)), "zorder": 5.5}
 DAMPED = "#F3E3C3"
+
+
+class FollowsPose(Timed, Protocol):
+    """What is drawn of who follows a pose, simulated or planned: T rows each."""
+
+    @property
+    def cell(self) -> IKCell: ...
+
+    @property
+    def tip(self) -> Floats: ...
+
+    @property
+    def position_error(self) -> Floats: ...
+
+    @property
+    def orientation_error(self) -> Floats: ...
+
+    @property
+    def singular_value(self) -> Floats: ...
+
+
+class PlannedRun(FollowsPose, Moving, Loaded, Protocol):
+    """A run of inverse kinematics, with what its law says beforehand."""
+
+    @property
+    def cell(self) -> IKCell: ...
+
+    @property
+    def error_bounds(self) -> tuple[Floats, Floats] | None:
+        """Bounds (T,) of its errors of position [m] and orientation [rad], where it has some."""
+        ...
 
 
 def evaluation_figures(evaluation: IKEvaluation) -> dict[str, Figure]:
@@ -49,12 +85,22 @@ def evaluation_figures(evaluation: IKEvaluation) -> dict[str, Figure]:
     }
 
 
-def _cell(traces: Mapping[str, IKTrace]) -> IKCell:
+def ik_plan_figures(plans: Mapping[str, PlannedRun]) -> dict[str, Figure]:
+    """Figures of planned runs by file name."""
+    return {
+        "path": paths(plans),
+        "errors": errors(plans, {name: plan.error_bounds for name, plan in plans.items() if plan.error_bounds}),
+        "joint_speeds": joint_speeds(plans),
+        "torque": torques(plans),
+    }
+
+
+def _cell(traces: Mapping[str, FollowsPose]) -> IKCell:
     return next(iter(traces.values())).cell
 
 
 @styled
-def paths(traces: Mapping[str, IKTrace]) -> Figure:
+def paths(traces: Mapping[str, FollowsPose]) -> Figure:
     """Target and tips from above and from the side, with the arm where it starts and where it is to be later.
 
     Policies lie on each other where all are good: the first is the widest.
@@ -85,8 +131,10 @@ def paths(traces: Mapping[str, IKTrace]) -> Figure:
 
 
 @styled
-def errors(traces: Mapping[str, IKTrace]) -> Figure:
-    """Position and orientation errors over time, and how near to singular each policy has the arm."""
+def errors(
+    traces: Mapping[str, FollowsPose], bounds: Mapping[str, tuple[Floats, Floats]] = MappingProxyType({})
+) -> Figure:
+    """Position and orientation errors over time, with bounds (T,) of them, and how near to singular the arm is."""
     figure = new_figure(8.6, 6.6)
     position, orientation, singular = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1.3, 1.0))
     position.set_title("Distance of the tip from its target")
@@ -98,6 +146,10 @@ def errors(traces: Mapping[str, IKTrace]) -> Figure:
         orientation.semilogy(trace.time, np.maximum(trace.orientation_error, SMALLEST_RAD), **line_of(name))
         if name != "random":
             singular.plot(trace.time, trace.singular_value, **line_of(name))
+    for name, both in bounds.items():
+        time = traces[name].time
+        position.semilogy(time, 1e3 * np.maximum(both[0], SMALLEST_M), **BOUND)
+        orientation.semilogy(time, np.maximum(both[1], SMALLEST_RAD), **BOUND)
     gain = cell.config.law.position_gain_1_s
     speed = np.linalg.norm(cell.target.velocity[::2], axis=1)
     position.semilogy(cell.target.time, 1e3 * np.maximum(speed / gain, SMALLEST_M), **LAG)
@@ -120,29 +172,13 @@ def errors(traces: Mapping[str, IKTrace]) -> Figure:
     orientation.set_ylabel("error [rad]")
     singular.set_ylabel("singular value")
     singular.set_xlabel("time [s]")
-    legend(figure, traces, Line2D([], [], label=f"target's speed / {gain:g} 1/s", **LAG))
+    handles = [Line2D([], [], label=f"target's speed / {gain:g} 1/s", **LAG)]
+    if bounds:
+        handles.append(Line2D([], [], label="bound of an error", **BOUND))
+    legend(figure, traces, *handles)
     return figure
 
 
 def _mark(axes: Axes, level: float, text: str) -> None:
     axes.axhline(level, color=MUTED, linewidth=0.8, zorder=1.5)
     note(axes, 0.995, level, text, va="bottom", ha="right", color=MUTED, transform=axes.get_yaxis_transform())
-
-
-@styled
-def joint_speeds(traces: Mapping[str, IKTrace]) -> Figure:
-    """Speed of every joint over time with its caps."""
-    shown, arm = purposeful(traces), _cell(traces).arm
-    figure = new_figure(8.6, 1.1 + 1.25 * arm.dof)
-    for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):
-        cap = float(arm.speed_max[j])
-        for sign in (-1.0, 1.0):
-            axes.axhline(sign * cap, **LIMIT)
-        for name, trace in shown.items():
-            axes.plot(trace.time, trace.joint_speed[:, j], **line_of(name) | {"linewidth": 1.3})
-        axes.set_ylim(-1.2 * cap, 1.2 * cap)
-        axes.set_ylabel("[m/s]" if arm.model.prismatic[j] else "[rad/s]")
-        note(axes, 0.995, 0.84, arm.joint_names[j], va="top", ha="right", weight="bold")
-    axes.set_xlabel("time [s]")
-    legend(figure, shown, Line2D([], [], label="cap", **LIMIT))
-    return figure

@@ -48,8 +48,8 @@ class View(NamedTuple):
 FROM_ABOVE, FROM_THE_SIDE = View("from above", (0, 1)), View("from the side", (0, 2))
 
 
-class Trace(Protocol):
-    """What is drawn of every trace."""
+class Timed(Protocol):
+    """What happens over time in a cell with one arm, simulated or planned."""
 
     @property
     def cell(self) -> BlendCell | IKCell: ...
@@ -57,8 +57,19 @@ class Trace(Protocol):
     @property
     def time(self) -> Floats: ...
 
+
+class Loaded(Timed, Protocol):
+    """That, and its torques (T, n)."""
+
     @property
     def torque(self) -> Floats: ...
+
+
+class Moving(Timed, Protocol):
+    """That, and its joint speeds (T, n)."""
+
+    @property
+    def joint_speed(self) -> Floats: ...
 
 
 Some = TypeVar("Some")
@@ -118,7 +129,7 @@ def draw_start(axes: Axes, view: View, path: Floats) -> None:
 
 
 @styled
-def torques(traces: Mapping[str, Trace]) -> Figure:
+def torques(traces: Mapping[str, Loaded]) -> Figure:
     """Torque of every joint over time with its limits."""
     shown = purposeful(traces)
     arm = next(iter(traces.values())).cell.arm
@@ -134,4 +145,23 @@ def torques(traces: Mapping[str, Trace]) -> Figure:
         note(axes, 0.995, 0.84, arm.joint_names[j], va="top", ha="right", weight="bold")
     axes.set_xlabel("time [s]")
     legend(figure, shown, Line2D([], [], label="limit", **LIMIT))
+    return figure
+
+
+@styled
+def joint_speeds(traces: Mapping[str, Moving]) -> Figure:
+    """Speed of every joint over time with its caps."""
+    shown, arm = purposeful(traces), next(iter(traces.values())).cell.arm
+    figure = new_figure(8.6, 1.1 + 1.25 * arm.dof)
+    for j, axes in enumerate(np.atleast_1d(figure.subplots(arm.dof, 1, sharex=True))):
+        cap = float(arm.speed_max[j])
+        for sign in (-1.0, 1.0):
+            axes.axhline(sign * cap, **LIMIT)
+        for name, trace in shown.items():
+            axes.plot(trace.time, trace.joint_speed[:, j], **line_of(name) | {"linewidth": 1.3})
+        axes.set_ylim(-1.2 * cap, 1.2 * cap)
+        axes.set_ylabel("[m/s]" if arm.model.prismatic[j] else "[rad/s]")
+        note(axes, 0.995, 0.84, arm.joint_names[j], va="top", ha="right", weight="bold")
+    axes.set_xlabel("time [s]")
+    legend(figure, shown, Line2D([], [], label="cap", **LIMIT))
     return figure

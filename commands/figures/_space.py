@@ -32,6 +32,7 @@ Pair = tuple[int, int]
 
 CHART_PIXELS = 1024
 CHART_COLORS = ListedColormap(["#FFFFFF", FORBIDDEN_EDGE, FORBIDDEN])  # free, undecided, blocked
+COLLISION = "#B00020"
 TICK = 0.05  # [s] between the dots on a relative trajectory
 
 
@@ -145,50 +146,35 @@ def collision_interval(
             [], [], color=arm_color(master), linewidth=4.5, label=f"{cell.arms[master].name} at Q = {lam:.3f} {unit}"
         ),
     ]
-    for p1, p2 in chart.collision_interval(lam):
-        for k, p in enumerate((p1, min(p2, cell.paths[slave].length))):
-            _draw_arm(axes, cell, slave, p, alpha=0.45)
-            # Beside the path, away from the master's tip
-            tip = _tip(cell, slave, np.array(p))
-            axes.annotate(
-                f"P{k + 1}",
-                _xy(tip),
-                (11, 7 if k == 0 else -7),
-                textcoords="offset points",
-                weight="bold",
-                va="center",
-                color=arm_color(slave),
-                path_effects=HALO,
-                zorder=10.0,
-            )
-        stretch = _tip(cell, slave, np.linspace(p1, min(p2, cell.paths[slave].length), 100))
-        axes.plot(*stretch.T, color="#B00020", linewidth=6.0, alpha=0.85, zorder=3.8, solid_capstyle="butt")
-        handles.append(
+    for low, high in chart.collision_interval(lam):
+        _draw_interval(axes, cell, slave, low, min(high, cell.paths[slave].length))
+        handles += [
             Line2D(
-                [],
-                [],
-                color=arm_color(slave),
-                linewidth=4.5,
-                alpha=0.5,
+                [], [], color=arm_color(slave), linewidth=4.5, alpha=0.5,
                 label=f"{cell.arms[slave].name} at P1 and at P2",
-            )
-        )
-        handles.append(
-            Line2D([], [], color="#B00020", linewidth=6.0, label=f"collision interval [{p1:.3f}, {p2:.3f}] {other}")
-        )
-    axes.annotate(
-        "Q",
-        _xy(q),
-        (-13, 0),
-        textcoords="offset points",
-        weight="bold",
-        va="center",
-        color=arm_color(master),
-        path_effects=HALO,
-        zorder=10.0,
-    )
+            ),
+            Line2D([], [], color=COLLISION, linewidth=6.0, label=f"collision interval [{low:.3f}, {high:.3f}] {other}"),
+        ]  # fmt: skip
+    _name_point(axes, "Q", q, (-13, 0), master)
     figure.legend(handles=handles[:3], loc="outside lower center", ncols=3, columnspacing=1.2)
     return figure
+
+
+def _draw_interval(axes: Axes, cell: CoordinationCell, slave: int, p1: float, p2: float) -> None:
+    """The slave at P1 and at P2, and the stretch of its path between."""
+    for name, p, dy in (("P1", p1, 7), ("P2", p2, -7)):
+        _draw_arm(axes, cell, slave, p, alpha=0.45)
+        _name_point(axes, name, _tip(cell, slave, np.array(p)), (11, dy), slave)  # aside of the master's tip
+    stretch = _tip(cell, slave, np.linspace(p1, p2, 100))
+    axes.plot(*stretch.T, color=COLLISION, linewidth=6.0, alpha=0.85, zorder=3.8, solid_capstyle="butt")
+
+
+def _name_point(axes: Axes, name: str, point: Floats, aside: tuple[int, int], arm: int) -> None:
+    """A letter beside a point of an arm's path."""
+    axes.annotate(
+        name, _xy(point), aside, textcoords="offset points", weight="bold", va="center", color=arm_color(arm),
+        path_effects=HALO, zorder=10.0,
+    )  # fmt: skip
 
 
 def _pixels(chart: CoordinationChart) -> NDArray[np.uint8]:
@@ -262,13 +248,13 @@ def coordination_chart(
         zorder=9.0,
     )
     for p1, p2 in intervals:
-        axes.plot([lam, lam], [p1, p2], color="#B00020", linewidth=4.0, zorder=4.0, solid_capstyle="butt")
+        axes.plot([lam, lam], [p1, p2], color=COLLISION, linewidth=4.0, zorder=4.0, solid_capstyle="butt")
         for p, word, va, dy in (
             (p1, f"P1 = {p1:.3f} {other}: collision point", "top", -4),
             (p2, f"P2 = {p2:.3f} {other}", "bottom", 4),
         ):
             axes.plot([0.0, lam], [p, p], color=arm_color(slave), linewidth=1.0, linestyle=(0, (4, 3)), zorder=3.0)
-            axes.plot(lam, p, "o", color="#B00020", markersize=6, zorder=5.0)
+            axes.plot(lam, p, "o", color=COLLISION, markersize=6, zorder=5.0)
             axes.annotate(
                 word,
                 (0.0, p),
@@ -284,7 +270,7 @@ def coordination_chart(
         Patch(facecolor="white", edgecolor=FAINT, label="free"),
         Patch(facecolor=FORBIDDEN, label=f"collision region:\ncloser than {1e3 * chart.d_min:.4g} mm"),
         Patch(facecolor=FORBIDDEN_EDGE, label=undecided),
-        Line2D([], [], color="#B00020", linewidth=4.0, label="collision interval"),
+        Line2D([], [], color=COLLISION, linewidth=4.0, label="collision interval"),
     ]
     figure.legend(handles=handles, loc="outside right center", labelspacing=0.9)
     return figure

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,11 +27,14 @@ from armtempo.commands.figures._style import (
 from armtempo.planners import CoordinationCell, PhaseTrajectory, Schedule
 
 if TYPE_CHECKING:
-    from armtempo.agents import Evaluation, PolicyResult
+    from armtempo.agents import CoordinationEvaluation, CoordinationResult
     from armtempo.envs import CoordinationTrace
 
 
 CLEARANCE_SAMPLES = 300  # of a plan
+WRONG = "#B00020"
+LIMIT: dict[str, Any] = {"color": WRONG, "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
+SIMULATED: dict[str, Any] = {"linewidth": 2.4, "alpha": 0.8, "zorder": 4.0}
 
 
 def best_shown(names: Mapping[str, object]) -> str:
@@ -64,50 +67,46 @@ def torques(
     figure = new_figure(1.2 + 3.9 * len(cell.arms), 1.2 + 1.9 * rows)
     if title:
         figure.suptitle(title, fontsize=10.5, weight="bold", x=0.01, ha="left")
+    planned: dict[str, Any] = {"linewidth": 1.8, "zorder": 5.0}
+    if trace is not None:  # thin on what was simulated
+        planned |= {"linewidth": 0.9, "color": INK}
     grid = figure.subplots(rows, len(cell.arms), sharex=True, squeeze=False)
     for i, arm in enumerate(cell.arms):
-        for j, axes in enumerate(grid[:, i]):
-            if j >= arm.dof:
-                axes.set_axis_off()
-                continue
-            limit = float(arm.torque_max[j])
-            for sign in (-1.0, 1.0):
-                axes.axhline(sign * limit, color="#B00020", linewidth=1.0, linestyle=(0, (5, 2)), zorder=2.0)
-            if plan is not None:
-                instants, torque = _planned_torque(plan.trajectories[i])
-                thin = trace is not None
-                axes.plot(
-                    instants,
-                    torque[:, j],
-                    color=INK if thin else arm_color(i),
-                    linewidth=0.9 if thin else 1.8,
-                    zorder=5.0,
-                )
-            if trace is not None:
-                axes.step(
-                    trace.time,
-                    trace.torque[i][:, j],
-                    where="post",
-                    color=arm_color(i),
-                    linewidth=2.4,
-                    alpha=0.8,
-                    zorder=4.0,
-                )
-            if np.isfinite(limit):
-                axes.set_ylim(-1.25 * limit, 1.25 * limit)
+        for axes in grid[arm.dof :, i]:
+            axes.set_axis_off()
+        if plan is not None:
+            instants, torque = _planned_torque(plan.trajectories[i])
+            _draw_torques(grid[:, i], instants, torque, {"color": arm_color(i)} | planned)
+        if trace is not None:
+            simulated = {"color": arm_color(i), "drawstyle": "steps-post", **SIMULATED}
+            _draw_torques(grid[:, i], trace.time, trace.torque[i], simulated)
+        for j, axes in enumerate(grid[: arm.dof, i]):
+            _frame_torque(axes, float(arm.torque_max[j]))
             axes.set_title(f"{arm.name}, joint {j + 1}", color=arm_color(i))
-            if i == 0:
-                axes.set_ylabel("torque [N m]")
-            if j == arm.dof - 1:
-                axes.set_xlabel("time [s]")
-    handles = [Line2D([], [], color="#B00020", linewidth=1.0, linestyle=(0, (5, 2)), label="limit")]
+        grid[arm.dof - 1, i].set_xlabel("time [s]")
+    for axes in grid[: cell.arms[0].dof, 0]:
+        axes.set_ylabel("torque [N m]")
+    handles = [Line2D([], [], label="limit", **LIMIT)]
     if plan is not None:
-        thin = trace is not None
-        handles.append(Line2D([], [], color=INK if thin else MUTED, linewidth=0.9 if thin else 1.8, label="planned"))
+        handles.append(Line2D([], [], label="planned", **{"color": MUTED} | planned))
     if trace is not None:
-        handles.append(Line2D([], [], color=MUTED, linewidth=2.4, alpha=0.8, label="applied in simulation"))
+        handles.append(Line2D([], [], color=MUTED, label="applied in simulation", **SIMULATED))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
+
+
+def _draw_torques(column: Iterable[Axes], instants: Floats, torque: Floats, style: Mapping[str, Any]) -> None:
+    """Torques (T, n) of an arm, one picture for each joint."""
+    for axes, values in zip(column, torque.T, strict=False):  # arms of fewer joints leave pictures empty
+        axes.plot(instants, values, **style)
+
+
+def _frame_torque(axes: Axes, limit: float) -> None:
+    """The limit on both sides."""
+    for sign in (-1.0, 1.0):
+        axes.axhline(sign * limit, **LIMIT)
+    if np.isfinite(limit):
+        axes.set_ylim(-1.25 * limit, 1.25 * limit)
 
 
 def planned_clearance(plan: Schedule) -> tuple[Floats, Floats]:
@@ -197,56 +196,11 @@ def time_lines(
     top = max((float(mu.max(initial=0.0)) for _, mu, _ in speeds.values()), default=0.0) or 1.0
     finite = [float(np.nanmax(arrival)) for _, _, arrival in speeds.values() if np.isfinite(arrival).any()]
     last = max([*finite, *(float(instants[-1]) for instants, *_ in speeds.values() if not finite)], default=1.0)
-    for row, (instants, mu, arrival) in enumerate(speeds.values()):
-        y = -float(row)
-        shown = instants <= 1.02 * last
-        axes.axhline(y, color=MUTED, linewidth=0.7, zorder=1.0)
-        for i in range(mu.shape[1]):
-            side = 1.0 if i == 0 else -1.0
-            edge = y + side * 0.40 * mu[shown, i] / top
-            axes.fill_between(
-                instants[shown], y, edge, color=arm_color(i), alpha=0.55 if i < 2 else 0.35, linewidth=0.0, zorder=3.0
-            )
-            axes.plot(instants[shown], edge, color=arm_color(i), linewidth=1.2, zorder=4.0)
-            if np.isfinite(arrival[i]):
-                axes.plot([arrival[i]] * 2, [y, y + side * 0.40], color=arm_color(i), linewidth=1.6, zorder=5.0)
-                axes.annotate(
-                    f"{arrival[i]:.3f} s",
-                    (arrival[i], y + side * 0.23),
-                    (4, 0),
-                    textcoords="offset points",
-                    va="center",
-                    color=arm_color(i),
-                    fontsize=8.5,
-                    path_effects=HALO,
-                    zorder=6.0,
-                )
-        if not np.isfinite(arrival).all():
-            stopped = min(float(instants[-1]), last)
-            axes.plot(stopped, y, "x", color="#B00020", markersize=7, markeredgewidth=2.0, zorder=6.0)
-            axes.annotate(
-                f"not finished, stopped at {instants[-1]:.3f} s",
-                (stopped, y),
-                (8, 0),
-                textcoords="offset points",
-                color="#B00020",
-                fontsize=8.5,
-                va="center",
-                path_effects=HALO,
-                zorder=6.0,
-            )
+    for row, motion in enumerate(speeds.values()):
+        _draw_time_line(axes, -float(row), motion, top, last)
     if np.isfinite(bound):
         axes.axvline(bound, color=INK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=2.0)
-        axes.annotate(
-            f"certified bound {bound:.3f} s",
-            (bound, 0.52),
-            (-4, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=8.5,
-            path_effects=HALO,
-        )
+        _say(axes, f"certified bound {bound:.3f} s", (bound, 0.52), (-4, 0), ha="right")
     axes.set_yticks([-float(row) for row in range(len(speeds))], list(speeds))
     for label, name in zip(axes.get_yticklabels(), speeds, strict=True):
         label.set_color(policy_color(name))
@@ -263,6 +217,31 @@ def time_lines(
     return figure
 
 
+def _draw_time_line(axes: Axes, y: float, motion: tuple[Floats, Floats, Floats], top: float, last: float) -> None:
+    """One band at the height ``y``; ``top`` is the speed that fills it, ``last`` the instant at which pictures end."""
+    instants, mu, arrival = motion
+    shown = instants <= 1.02 * last
+    axes.axhline(y, color=MUTED, linewidth=0.7, zorder=1.0)
+    for i in range(mu.shape[1]):
+        side, color = (1.0 if i == 0 else -1.0), arm_color(i)
+        edge = y + side * 0.40 * mu[shown, i] / top
+        alpha = 0.55 if i < 2 else 0.35
+        axes.fill_between(instants[shown], y, edge, color=color, alpha=alpha, linewidth=0.0, zorder=3.0)
+        axes.plot(instants[shown], edge, color=color, linewidth=1.2, zorder=4.0)
+        if np.isfinite(arrival[i]):
+            axes.plot([arrival[i]] * 2, [y, y + side * 0.40], color=color, linewidth=1.6, zorder=5.0)
+            _say(axes, f"{arrival[i]:.3f} s", (arrival[i], y + side * 0.23), (4, 0), color=color, zorder=6.0)
+    if not np.isfinite(arrival).all():
+        stopped = min(float(instants[-1]), last)
+        axes.plot(stopped, y, "x", color=WRONG, markersize=7, markeredgewidth=2.0, zorder=6.0)
+        _say(axes, f"not finished, stopped at {instants[-1]:.3f} s", (stopped, y), (8, 0), color=WRONG, zorder=6.0)
+
+
+def _say(axes: Axes, text: str, place: tuple[float, float], aside: tuple[int, int], **style: Any) -> None:
+    """A few words beside a place in the picture."""
+    axes.annotate(text, place, aside, textcoords="offset points", va="center", fontsize=8.5, path_effects=HALO, **style)
+
+
 def planned_speeds(plan: Schedule, samples: int = 500) -> tuple[Floats, Floats, Floats]:
     """Instants, mu (T, arms) and arrivals (arms,) of a plan, for ``time_lines``."""
     instants = np.linspace(0.0, plan.makespan, samples)
@@ -275,7 +254,7 @@ def simulated_speeds(trace: CoordinationTrace) -> tuple[Floats, Floats, Floats]:
     return trace.time, trace.mu, trace.arrival
 
 
-def _draw_bars(axes: Axes, results: Mapping[str, PolicyResult], bound: float, sequential: float) -> None:
+def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: float, sequential: float) -> None:
     """Makespans, the quickest at the top, with saving; policies that do not finish at the bottom."""
     ordered = sorted(results.items(), key=lambda item: item[1].makespan_s or np.inf)
     longest = max([result.makespan_s or 0.0 for _, result in ordered] + [sequential])
@@ -293,7 +272,7 @@ def _draw_bars(axes: Axes, results: Mapping[str, PolicyResult], bound: float, se
             )
             why = "too close" if result.violations else "not finished"
             axes.annotate(
-                why, (0.0, -row), (6, 0), textcoords="offset points", va="center", color="#B00020", path_effects=HALO
+                why, (0.0, -row), (6, 0), textcoords="offset points", va="center", color=WRONG, path_effects=HALO
             )
             continue
         axes.barh(-row, result.makespan_s, height=0.62, color=policy_color(name), alpha=0.9)
@@ -345,7 +324,7 @@ def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: CoordinationT
                 zorder=3.0 + i,
             )
     for sign in (-100.0, 100.0):
-        axes.axhline(sign, color="#B00020", linewidth=1.0, linestyle=(0, (5, 2)), zorder=2.0)
+        axes.axhline(sign, **LIMIT)
     axes.set(xlabel="time [s]", ylabel="torque applied [% of its limit]", ylim=(-150.0, 118.0), xlim=(0.0, None))
     axes.set_yticks([-100, -50, 0, 50, 100])
     axes.set_title(f"Torque of every joint, {name}")
@@ -353,7 +332,7 @@ def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: CoordinationT
 
 
 @styled
-def overview(evaluation: Evaluation) -> Figure:
+def overview(evaluation: CoordinationEvaluation) -> Figure:
     """An evaluation at a glance: relative motion in the chart, makespans, clearance and torques over time."""
     cell, results = evaluation.cell, evaluation.results
     emphasised = best_shown(results)

@@ -2,42 +2,46 @@
 
 from __future__ import annotations
 
-from armtempo.configs.schema._all import (
-    AnyCellConfig,
-    ArcConfig,
+from collections.abc import Mapping
+
+from armtempo.configs.schema._arm import (
     ArmConfig,
-    BlendCellConfig,
-    BlendConfig,
-    BoxConfig,
-    CapsuleConfig,
-    CellConfig,
-    CellTitle,
-    CylinderConfig,
-    FeedbackLawConfig,
     FrictionConfig,
+    LimitsConfig,
+    MountedArmConfig,
+    RobotConfig,
+    ToolConfig,
+)
+from armtempo.configs.schema._base import CellTitle, FileModel, NonNegative, Positive, Real
+from armtempo.configs.schema._blend import BlendCellConfig, LineSpeedConfig
+from armtempo.configs.schema._cell import CellFileConfig
+from armtempo.configs.schema._coordination import CellConfig
+from armtempo.configs.schema._geometry import ArcConfig, BlendConfig, LineConfig, PathConfig, PoseConfig, SegmentConfig
+from armtempo.configs.schema._ik import (
+    FeedbackLawConfig,
     HarmonicConfig,
     IKCellConfig,
-    LimitsConfig,
-    LineConfig,
-    LineSpeedConfig,
-    MeshConfig,
-    MountedArmConfig,
-    NonNegative,
-    ObstacleConfig,
-    OneArmCellConfig,
-    PathConfig,
-    PoseConfig,
-    Positive,
-    Real,
-    RobotConfig,
-    SegmentConfig,
-    SphereConfig,
     StartedArmConfig,
     TargetConfig,
     TimedPoseConfig,
-    ToolConfig,
-    _Model,
 )
+from armtempo.configs.schema._obstacles import (
+    BoxConfig,
+    CapsuleConfig,
+    CylinderConfig,
+    MeshConfig,
+    ObstacleConfig,
+    SphereConfig,
+)
+
+AnyCellConfig = CellConfig | BlendCellConfig | IKCellConfig
+
+CELL_CONFIGS: Mapping[str, type[CellConfig] | type[BlendCellConfig] | type[IKCellConfig]] = {
+    "coordination": CellConfig,
+    "blend": BlendCellConfig,
+    "ik": IKCellConfig,
+}
+"""What a cell file may say, by its ``kind``."""
 
 __all__ = [
     "AnyCellConfig",
@@ -61,7 +65,8 @@ __all__ = [
     "MountedArmConfig",
     "NonNegative",
     "ObstacleConfig",
-    "OneArmCellConfig",
+    "CELL_CONFIGS",
+    "CellFileConfig",
     "PathConfig",
     "PoseConfig",
     "Positive",
@@ -73,5 +78,5 @@ __all__ = [
     "TargetConfig",
     "TimedPoseConfig",
     "ToolConfig",
-    "_Model",
+    "FileModel",
 ]

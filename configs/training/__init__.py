@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from armtempo.configs.training._all import (
-    BenchmarkFilter,
-    BlendTraining,
-    CoordinationTraining,
-    DisturbanceConfig,
-    EvaluationConfig,
-    IKTraining,
-    NetworkConfig,
-    PPOConfig,
-    SACConfig,
-    TQCConfig,
-    TrainConfig,
-)
+from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
+from armtempo.configs.training._blend import BlendTraining
+from armtempo.configs.training._coordination import BenchmarkFilter, CoordinationTraining, DisturbanceConfig
+from armtempo.configs.training._ik import IKTraining
 from armtempo.configs.training._sweep import SearchedNumber, SweepConfig, SweepValue
+from armtempo.configs.training._train import EvaluationConfig, TrainConfig
 
 __all__ = [
     "BenchmarkFilter",

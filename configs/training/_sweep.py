@@ -7,13 +7,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
-from armtempo.configs.schema import CellTitle, Real, _Model
+from armtempo.configs.schema import CellTitle, FileModel, Real
 
 SweepValue = float | int
 NumberKey = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*$")]
 
 
-class SearchedNumber(_Model):
+class SearchedNumber(FileModel):
     """A number of the training file, searched between two others or among some."""
 
     low: Real | None = None
@@ -44,7 +44,7 @@ class SearchedNumber(_Model):
         return self
 
 
-class SweepConfig(_Model):
+class SweepConfig(FileModel):
     """A search for better numbers of one training."""
 
     name: CellTitle

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
-from armtempo.robots import ArmModel, njit
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import ArmModel, kernels, njit
 
 OF_THE_ARM = ("gravity", "base_R", "base_p", "tip_R", "tip_p")
 """Fields of a model that have no row per joint."""

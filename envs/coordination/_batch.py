@@ -146,11 +146,6 @@ class BatchSimulation:
         return np.asarray(self.ticks * self._tick, dtype=np.float64)
 
     @property
-    def smallest_clearance(self) -> Floats:
-        """(E,) smallest clearance so far [m]."""
-        return self._episodes.smallest
-
-    @property
     def numbers(self) -> Ints:
         """(E,) which episode each is on, from 0."""
         return self._episodes.number

@@ -8,8 +8,7 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies import joint_torques
-from armtempo.robots import ArmModel, njit
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import ArmModel, kernels, njit
 
 HARDNESS = np.array([1.0, 0.5, 0.25, 0.125, 0.0625])
 """Shares of the braking accelerations at which it is tried to stop, the hardest first."""

@@ -11,8 +11,7 @@ from armtempo.planners.ik.kernels import Law as IKLaw
 from armtempo.planners.ik.kernels import Targets as IKTargets
 from armtempo.planners.ik.kernels import law_within
 from armtempo.planners.ik.kernels import scratch as law_scratch
-from armtempo.robots import ArmModel, njit
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import ArmModel, kernels, njit
 
 
 @njit

@@ -12,6 +12,7 @@ from armtempo.envs.ik._kernels import allowed_speeds, brake, pose_errors, ramp, 
 from armtempo.planners import IKCell
 from armtempo.planners.ik.kernels import Law as IKLaw
 from armtempo.planners.ik.kernels import Targets as IKTargets
+from armtempo.planners.ik.kernels import scaled
 from armtempo.robots import ArmModel, inlined, njit, unlocked
 
 GAIN_RATIO = 4.0
@@ -101,13 +102,11 @@ def ask_period(
     """
     period, late = drive.period, 0.5
     if drive.by_gains:
-        period, late, law = drive.tick, 1.0, drive.law
-        own = IKLaw(
-            GAIN_RATIO ** action[0] * law.position_gain, GAIN_RATIO ** action[1] * law.approach_gain,
-            GAIN_RATIO ** action[2] * law.normal_gain, law.quaternion, law.feed_forward, law.task, law.length,
-            min(GAIN_RATIO ** action[3] * law.damping, DAMPING_MAX), law.pull_max, law.linear_max, law.angular_max,
-            law.speed_max, law.position_min, law.position_max, law.posture, law.posture_gain, law.levers,
+        period, late = drive.tick, 1.0
+        factors = (
+            GAIN_RATIO ** action[0], GAIN_RATIO ** action[1], GAIN_RATIO ** action[2], GAIN_RATIO ** action[3],
         )  # fmt: skip
+        own = scaled(drive.law, factors, DAMPING_MAX)
         run_law(drive.model, own, targets, row, q, v, drive.acceleration_max, joints, asked, speeds)
     else:
         for j in range(q.shape[0]):

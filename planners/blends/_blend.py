@@ -13,17 +13,16 @@ Next to an arc of radius R the cubic leaves a jump of 2/(3R); the curves of high
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
-from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._corners import packed_segments, plan_corners
 from armtempo.planners.blends._families import Curve, PassingLimits
-from armtempo.planners.blends._kernels_all import PackedPath
+from armtempo.planners.blends._path_kernels import PackedPath
 from armtempo.planners.geometry import Arc, Line, floats
 
 
@@ -52,23 +51,25 @@ class Blend:
         shape = np.zeros((1, 8, 3))
         shape[0, : len(self.coefficients)] = self.coefficients
         kind, lengths = np.array([len(self.coefficients) - 1]), np.zeros(1)
-        panels = kernels.tabulate(kind, shape, lengths)
+        first_panel, panel_start, panel_size, inverse = kernels.tabulate(kind, shape, lengths)
         object.__setattr__(self, "coefficients", shape[0, : len(self.coefficients)])
         self.coefficients.setflags(write=False)
         object.__setattr__(self, "length", float(lengths[0]))
-        object.__setattr__(self, "packed", PackedPath(np.array([0.0, lengths[0]]), kind, shape, *panels))
+        packed = PackedPath(
+            breakpoints=np.array([0.0, lengths[0]]),
+            kind=kind,
+            shape=shape,
+            first_panel=first_panel,
+            panel_start=panel_start,
+            panel_size=panel_size,
+            inverse=inverse,
+        )
+        object.__setattr__(self, "packed", packed)
 
     @property
     def degree(self) -> int:
         """Of the polynomial: 3, 5 or 7."""
         return len(self.coefficients) - 1
-
-    @property
-    def control_points(self) -> Floats:
-        """The Bezier points (degree + 1, 3) [m]."""
-        n, offsets = self.degree, self.coefficients[1:]
-        rows = [[comb(k, j) / comb(n, j) if j <= k else 0.0 for j in range(1, n + 1)] for k in range(n + 1)]
-        return np.asarray(self.coefficients[0] + np.array(rows) @ offsets)
 
     def evaluate(self, s: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Position, tangent and curvature vector at arc length ``s``: each (..., 3), [m], [1], [1/m]."""

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError, PathError
-from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._blend import Blend, lengths_on, path_derivatives
 from armtempo.planners.blends._corners import Corners, arc_shapes, packed_segments, plan_corners
 from armtempo.planners.blends._families import Curve, PassingLimits
-from armtempo.planners.blends._kernels_all import ARC, LINE, PackedPath
-from armtempo.planners.geometry import NOTHING, Arc, Line, floats
+from armtempo.planners.blends._path_kernels import ARC, LINE, PackedPath
+from armtempo.planners.geometry import SEGMENT_LENGTH_MIN, Arc, Line, floats
 
 
 @final
@@ -109,7 +109,7 @@ class BlendedPath:
             raise InputError(f"points must be (N, 3), N >= 2, and finite, got shape {vertices.shape}")
         steps = np.diff(vertices, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
-        if lengths.min() < NOTHING:
+        if lengths.min() < SEGMENT_LENGTH_MIN:
             k = int(np.argmin(lengths))
             raise PathError(
                 f"points {k} and {k + 1} are the same: {vertices[k].tolist()}", remedy="drop one", segments=(k,)
@@ -138,16 +138,24 @@ class BlendedPath:
         arcs = kind == ARC
         trimmed[arcs] = arc_shapes(start[arcs, 0], start[arcs, 1], start[arcs, 2], shape[arcs, 3, 0])
         # a piece must be a segment after rounding, too; one that no blend touches is one already
-        whole = (left > 2.0 * NOTHING) | (left == lengths)
+        whole = (left > 2.0 * SEGMENT_LENGTH_MIN) | (left == lengths)
         kinds, shapes = np.zeros(2 * count - 1, dtype=np.int64), np.zeros((2 * count - 1, 8, 3))
         sizes, kept = np.zeros(2 * count - 1), np.ones(2 * count - 1, dtype=bool)
         kinds[::2], shapes[::2], sizes[::2], kept[::2] = kind, trimmed, left, whole
         kinds[1::2], shapes[1::2], kept[1::2] = corners.degree, corners.curve, corners.remaining[:, 0] > 0.0
         corner = np.repeat(np.arange(count), 2)[: 2 * count - 1]
         kinds, shapes, sizes, self._corner = kinds[kept], shapes[kept], sizes[kept], corner[kept]
-        panels = kernels.tabulate(kinds, shapes, sizes)
+        first_panel, panel_start, panel_size, inverse = kernels.tabulate(kinds, shapes, sizes)
         breakpoints = np.concatenate([[0.0], np.cumsum(sizes)])
-        self.packed = PackedPath(breakpoints, kinds, shapes, *panels)
+        self.packed = PackedPath(
+            breakpoints=breakpoints,
+            kind=kinds,
+            shape=shapes,
+            first_panel=first_panel,
+            panel_start=panel_start,
+            panel_size=panel_size,
+            inverse=inverse,
+        )
         continuity = np.zeros(len(kinds) - 1, dtype=np.int64)
         kernels.joint_orders(self.packed, continuity)
         self.length, self.breakpoints, self.continuity = float(breakpoints[-1]), breakpoints, continuity

@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError, PathError
-from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._families import LEAST_TIME, Curve, PassingLimits, curve_shares, per_corner
-from armtempo.planners.blends._kernels_all import ARC
 from armtempo.planners.blends._least_time import least_time_shares
-from armtempo.planners.geometry import NOTHING, TANGENT_TOLERANCE, Arc, Line
+from armtempo.planners.blends._path_kernels import ARC
+from armtempo.planners.geometry import SEGMENT_LENGTH_MIN, TANGENT_TOLERANCE, Arc, Line
 
-SHARPEST = 1e-4  # [rad] corners with a smaller interior angle count as reversals
-GAP = 1e-6  # [m]
-STANDING = 1e-5  # of the remaining distance: a blend with a smaller |F'| somewhere stands still there
+CORNER_ANGLE_MIN = 1e-4  # [rad] a smaller interior angle counts as a reversal
+SEGMENT_GAP_MAX = 1e-6  # [m]
+CURVE_SPEED_MIN = 1e-5  # of the remaining distance: where |F'| is smaller, a blend stands still
 
 
 class Corners(NamedTuple):
@@ -124,7 +124,9 @@ def plan_corners(
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
     _check_curves(coefficients, degree, remaining, deviation, station, None if tolerance is None else miss)
-    return Corners(remaining, shares, degree, coefficients, deviation, turn)
+    return Corners(
+        remaining=remaining, shares=shares, degree=degree, curve=coefficients, deviation=deviation, turn=turn
+    )
 
 
 def _check_curves(
@@ -133,7 +135,7 @@ def _check_curves(
     """Refuse blends that stand still somewhere, and those that miss the tolerance after all."""
     slowest = np.full(len(degree), np.inf)
     kernels.slowest_speeds(coefficients, degree, remaining, slowest)
-    standing = slowest < STANDING * remaining.min(axis=1, initial=np.inf)
+    standing = slowest < CURVE_SPEED_MIN * remaining.min(axis=1, initial=np.inf)
     if standing.any():
         k = int(np.argmax(standing))
         raise InputError(
@@ -158,8 +160,8 @@ def _check_curves(
 def _turns(before: Floats, after: Floats, station: Floats) -> Floats:
     """By how much the direction changes at each corner [rad]; gaps and reversals are refused."""
     gap = np.linalg.norm(after[:, 0] - before[:, 0], axis=1)
-    if (gap > GAP).any():
-        k = int(np.argmax(gap > GAP))
+    if (gap > SEGMENT_GAP_MAX).any():
+        k = int(np.argmax(gap > SEGMENT_GAP_MAX))
         raise PathError(
             f"segments {k} and {k + 1} are {gap[k]:.6g} m apart at {station[k]:.6g} m",
             remedy="let each start where the last ends",
@@ -168,7 +170,7 @@ def _turns(before: Floats, after: Floats, station: Floats) -> Floats:
         )
     cross = np.linalg.norm(np.cross(before[:, 1], after[:, 1]), axis=1)
     turn = np.arctan2(cross, np.sum(before[:, 1] * after[:, 1], axis=1))
-    back = turn > math.pi - SHARPEST
+    back = turn > math.pi - CORNER_ANGLE_MIN
     if back.any():
         k = int(np.argmax(back))
         raise PathError(
@@ -200,7 +202,7 @@ def _check_reach(
         else "lower the remaining distance"
     )
     for side, segment_lengths in ((0, lengths[:-1]), (1, lengths[1:])):
-        long = remaining[:, side] > segment_lengths + NOTHING
+        long = remaining[:, side] > segment_lengths + SEGMENT_LENGTH_MIN
         if long.any():
             k = int(np.argmax(long))
             need = f"{remaining[k, side]:.6g} m" if remaining[k, side] <= 10 * segment_lengths[k] else "more"
@@ -212,8 +214,8 @@ def _check_reach(
                 segments=(k, k + 1),
             )
     excess = remaining[1:, 0] + remaining[:-1, 1] - lengths[1:-1]
-    if (excess > NOTHING).any():
-        k = int(np.argmax(excess > NOTHING))
+    if (excess > SEGMENT_LENGTH_MIN).any():
+        k = int(np.argmax(excess > SEGMENT_LENGTH_MIN))
         raise PathError(
             f"the blends at {station[k]:.6g} m and {station[k + 1]:.6g} m overlap by {excess[k]:.6g} m on segment "
             f"{k + 1}, which is {lengths[k + 1]:.6g} m long",

@@ -20,16 +20,17 @@ import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError
-from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends import _path_kernels as kernels
+from armtempo.planners.blends._curve_kernels import curve_speed
 from armtempo.planners.blends._families import CURVES, PassingLimits
 from armtempo.robots import njit
 
-SAMPLES = 48  # of u on a blend
-FIRST_STEP, HALVINGS = 0.08, 4  # of the shares, in the search
-JERKS = (0.35, 0.2, 0.5, 0.1, 0.15, 0.27, 0.7, 0.9, 0.06, 0.03)  # near the middle, as shares of the limit
-ACCELERATIONS = (1.0, 0.6)
-ROUNDS = 12  # of bisection of v_0
-SLOWEST = 1e-3  # of V
+CURVE_SAMPLES = 48  # of u
+FIRST_STEP, STEP_HALVINGS = 0.08, 4  # of the shares, in the search
+JERK_SHARES = (0.35, 0.2, 0.5, 0.1, 0.15, 0.27, 0.7, 0.9, 0.06, 0.03)  # near the middle, as shares of the limit
+ACCELERATION_SHARES = (1.0, 0.6)
+SPEED_BISECTIONS = 12  # of v_0
+SPEED_SHARE_MIN = 1e-3  # of V
 
 
 @njit
@@ -40,12 +41,12 @@ def _samples(shape: Floats, degree: int, out: Floats) -> float:
     """
     point = np.empty((4, 3))
     s, last = 0.0, 0.0
-    for i in range(SAMPLES + 1):
-        u = i / SAMPLES
-        speed = kernels.curve_speed(shape, degree, u)
+    for i in range(CURVE_SAMPLES + 1):
+        u = i / CURVE_SAMPLES
+        speed = curve_speed(shape, degree, u)
         if i > 0:
-            middle = kernels.curve_speed(shape, degree, u - 0.5 / SAMPLES)
-            s += (last + 4.0 * middle + speed) / (6.0 * SAMPLES)
+            middle = curve_speed(shape, degree, u - 0.5 / CURVE_SAMPLES)
+            s += (last + 4.0 * middle + speed) / (6.0 * CURVE_SAMPLES)
         last = speed
         kernels.piece_point(degree, shape, u, point)
         out[i, 0] = s
@@ -86,7 +87,8 @@ def _keeps(samples: Floats, v0: float, j: float, last: float, a: float, limits: 
     v1, s1 = v0 + 0.5 * peak * t1, v0 * t1 + j * t1**3 / 6.0
     s2 = s3 - top * t3 + last * t3**3 / 6.0
     for m in range(len(samples)):
-        i = SAMPLES // 2 + ((m + 1) // 2 if m % 2 else -(m // 2))  # from the middle outward: what fails, fails there
+        # From the middle outward: what fails, fails there.
+        i = CURVE_SAMPLES // 2 + ((m + 1) // 2 if m % 2 else -(m // 2))
         s = abs(samples[i, 0])
         side = -1.0 if samples[i, 0] < 0.0 else 1.0
         if s >= s3:
@@ -117,19 +119,19 @@ def _keeps(samples: Floats, v0: float, j: float, last: float, a: float, limits: 
 def estimated_cost(shape: Floats, degree: int, remaining: float, limits: Floats) -> float:
     """The cost above [s]; ``remaining`` is L_1 + L_2, ``limits`` (4,) V, a, j, a_n."""
     top, acceleration, jerk, _ = limits
-    samples = np.empty((SAMPLES + 1, 4))
+    samples = np.empty((CURVE_SAMPLES + 1, 4))
     length = _samples(shape, degree, samples)
     saved = (length - remaining) / top
     if _keeps(samples, top, jerk, jerk, acceleration, limits):
         return float(saved)
     best = np.inf
-    for part in ACCELERATIONS:
+    for part in ACCELERATION_SHARES:
         for whole in (True, False):
-            for share in JERKS:
+            for share in JERK_SHARES:
                 a, j = part * acceleration, share * jerk
                 last = jerk if whole else j
-                low, high = SLOWEST * top, top
-                for _ in range(ROUNDS):  # the v_0 that would beat the best so far
+                low, high = SPEED_SHARE_MIN * top, top
+                for _ in range(SPEED_BISECTIONS):  # the v_0 that would beat the best so far
                     middle = 0.5 * (low + high)
                     if _ramp_cost(middle, top, j, last, a) >= best:
                         low = middle
@@ -138,7 +140,7 @@ def estimated_cost(shape: Floats, degree: int, remaining: float, limits: Floats)
                 high = top
                 if not _keeps(samples, low, j, last, a, limits):
                     continue
-                for _ in range(ROUNDS):
+                for _ in range(SPEED_BISECTIONS):
                     middle = 0.5 * (low + high)
                     if _keeps(samples, middle, j, last, a, limits):
                         low = middle
@@ -188,7 +190,7 @@ def _search(
             corner = (kind[k : k + 2], shape[k : k + 2], lengths[k : k + 2])
             cost = _cost(*corner, here, n, tolerance[k], most[k], limits)
             step = FIRST_STEP
-            for _ in range(HALVINGS):
+            for _ in range(STEP_HALVINGS):
                 moved = True
                 while moved:
                     moved = False

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
-from armtempo.planners.blends import _kernels_all as kernels
+from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._blend import Blend
 from armtempo.planners.blends._blended_path import BlendedPath
-from armtempo.planners.blends._kernels_all import ARC, PackedPath
+from armtempo.planners.blends._curve_kernels import GAUSS_U, PAIR_WEIGHTS, PANEL_NODES, curve_speed
+from armtempo.planners.blends._path_kernels import ARC, PackedPath
 from armtempo.planners.geometry import floats
 from armtempo.robots import njit
 
@@ -33,10 +34,10 @@ def corrected_step(
     shape: Floats, degree: int, u_before: float, u: float, d_before: float, d: float, iterations: int
 ) -> float:
     """One tick of eqs. (13) and (15): on from ``u`` by ``d`` [m], after a tick from ``u_before`` by ``d_before``."""
-    here = kernels.curve_speed(shape, degree, u)
+    here = curve_speed(shape, degree, u)
     ahead = u_before + (d + d_before) / here
     for _ in range(iterations):
-        ahead = u + 2.0 * d / (here + kernels.curve_speed(shape, degree, ahead))
+        ahead = u + 2.0 * d / (here + curve_speed(shape, degree, ahead))
     return ahead
 
 
@@ -70,7 +71,7 @@ def corrected_parameters(
                 now = corrected_step(packed.shape[k], packed.kind[k], 0.0, 0.0, 0.0, d, iterations)
                 before, d_before, inside = 0.0, d, True
             if now > 1.0 and not compensate and k < last:  # leaves the blend when its own count says so
-                beyond = (now - 1.0) * kernels.curve_speed(packed.shape[k], packed.kind[k], 1.0)
+                beyond = (now - 1.0) * curve_speed(packed.shape[k], packed.kind[k], 1.0)
                 k += 1
                 s = breakpoints[k] + beyond
                 drift, inside = s - lengths[i], False
@@ -126,10 +127,10 @@ def _gauss_length(shape: Floats, degree: int, low: float, high: float) -> float:
         h = min(h, high - u)
         whole = left = right = 0.0
         for g in range(16):
-            node, weight = kernels.GAUSS_U[g], kernels.PAIR_WEIGHTS[kernels.NODES - 1, g]
-            whole += weight * kernels.curve_speed(shape, degree, u + h * node)
-            left += 0.5 * weight * kernels.curve_speed(shape, degree, u + 0.5 * h * node)
-            right += 0.5 * weight * kernels.curve_speed(shape, degree, u + 0.5 * h * (1.0 + node))
+            node, weight = GAUSS_U[g], PAIR_WEIGHTS[PANEL_NODES - 1, g]
+            whole += weight * curve_speed(shape, degree, u + h * node)
+            left += 0.5 * weight * curve_speed(shape, degree, u + 0.5 * h * node)
+            right += 0.5 * weight * curve_speed(shape, degree, u + 0.5 * h * (1.0 + node))
         if abs(left + right - whole) > 1e-14 * (left + right) + rounding:
             h *= 0.5
             continue
@@ -157,7 +158,7 @@ def rk4_length(blend: Blend, steps: int = 10) -> float:
     if not isinstance(steps, int | np.integer) or steps < 1:
         raise InputError(f"steps is {steps}", remedy="give a whole number, at least 1")
     shape, degree = blend.packed.shape[0], blend.degree
-    speed = np.array([kernels.curve_speed(shape, degree, i / (2 * steps)) for i in range(2 * steps + 1)])
+    speed = np.array([curve_speed(shape, degree, i / (2 * steps)) for i in range(2 * steps + 1)])
     weights = np.array([1.0, *([4.0, 2.0] * steps)[:-1], 1.0])
     return float(weights @ speed) / (6.0 * steps)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from armtempo.planners.blends._kernels_all import PackedPath, blended_point
 from armtempo.planners.blends._length_mapping import corrected_parameters, mapped_positions
+from armtempo.planners.blends._path_kernels import PackedPath, blended_point
 
 __all__ = [
     "PackedPath",

@@ -37,6 +37,10 @@ class Cell(Protocol):
         """The cell's name."""
 
     @property
+    def kind(self) -> str:
+        """What it is for: ``kind`` of its file."""
+
+    @property
     def config(self) -> AnyCellConfig:
         """What it was built from."""
 
@@ -125,6 +129,11 @@ class CellBase(Generic[ConfigT]):
     def tools(self) -> tuple[ToolConfig | None, ...]:
         """What each arm carries."""
         return tuple(arm.tool for arm in self.config.arms)
+
+    @property
+    def kind(self) -> str:
+        """What it is for: ``kind`` of its file."""
+        return self.config.kind
 
     @property
     def physics_tick(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.configs import IKCellConfig
+from armtempo.configs import FeedbackLawConfig, IKCellConfig
 from armtempo.errors import CollisionError, InfeasibleError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located
 from armtempo.planners.cells._cell import OneArmCell, Sweep
@@ -122,9 +122,14 @@ class IKCell(OneArmCell[IKCellConfig]):
         return self.config.error_scale_m, self.config.error_scale_rad
 
     @property
+    def law(self) -> FeedbackLawConfig:
+        """Gains, errors and damping of the cell's feedback law."""
+        return self.config.law
+
+    @property
     def damping(self) -> float:
         """Smallest singular value from which on the law is not damped."""
-        return self.config.law.damping
+        return self.law.damping
 
     def certify(self) -> None:
         """Look at postures of the nominal run; nothing between them is certified.

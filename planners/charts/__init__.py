@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from armtempo.planners.charts._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
-from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, ChartRegion, CoordinationChart
+from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, CoordinationChart
 from armtempo.planners.charts._path_certificate import check_path
-from armtempo.planners.charts._regions import HERE, limit_at
+from armtempo.planners.charts._regions import CollisionRegion, cells_at, limit_at
 
 __all__ = [
     "BLOCKED",
-    "ChartRegion",
     "ClearanceTable",
+    "CollisionRegion",
     "CoordinationChart",
     "FREE",
-    "HERE",
+    "cells_at",
     "check_path",
     "clearance_table",
     "limit_at",

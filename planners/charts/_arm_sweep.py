@@ -16,7 +16,7 @@ from armtempo.arrays import Floats, Ints
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, njit
 
-OVERSAMPLING = 16  # path samples per smallest interval
+SAMPLES_PER_INTERVAL = 16  # of the path, per smallest interval
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,13 +39,13 @@ class ArmSweep:
 
     @classmethod
     def of(cls, arm: Arm, path: AbstractJointPath, finest: int) -> ArmSweep:
-        station = np.linspace(0.0, path.length, OVERSAMPLING * finest + 1)
+        station = np.linspace(0.0, path.length, SAMPLES_PER_INTERVAL * finest + 1)
         return cls(
             arm=arm,
             finest=finest,
             q=path.evaluate(station)[0],
             speed=path.speed_bound(station[:-1], station[1:]),
-            step=path.length / (OVERSAMPLING * finest),
+            step=path.length / (SAMPLES_PER_INTERVAL * finest),
         )
 
     @cached_property

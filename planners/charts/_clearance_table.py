@@ -12,11 +12,10 @@ from armtempo.cache import Arrays, cached, content_key
 from armtempo.planners.charts._arm_sweep import world_axes
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.robots import Arm, Bodies, njit, pack_bodies, separation
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, Bodies, kernels, njit, pack_bodies, separation
 
-NODES = 513
-VERSION = 1  # of the content: raise it when the same input may get another table
+NODES_PER_PATH = 513
+TABLE_VERSION = 1  # of the content: raise it when the same input may get another table
 
 
 class ClearanceTable(NamedTuple):
@@ -41,12 +40,12 @@ def clearance_table(
     tolerance subtracted; above, a lower bound may stand that is no smaller than ``exact_below``. Kept on disk as charts
     are.
     """
-    lam = [np.linspace(0.0, paths[k].length, NODES) for k in (i, j)]
+    lam = [np.linspace(0.0, paths[k].length, NODES_PER_PATH) for k in (i, j)]
     joints = [paths[k].evaluate(own)[0] for k, own in zip((i, j), lam, strict=True)]
 
     def compute() -> Arrays:
         sides = [_side(arms[k], q) for k, q in zip((i, j), joints, strict=True)]
-        distance = np.empty((NODES, NODES))
+        distance = np.empty((NODES_PER_PATH, NODES_PER_PATH))
         _fill(sides[0], sides[1], exact_below, distance)
         return {"distance": distance}
 
@@ -57,7 +56,7 @@ def clearance_table(
         content = [
             part for k, q in zip((i, j), joints, strict=True) for part in motion_content(arms[k], paths[k], q, none)
         ]
-        key = content_key(["table", VERSION, float(exact_below), *content])
+        key = content_key(["table", TABLE_VERSION, float(exact_below), *content])
         distance = cached("clearance", key, compute)["distance"]
     return ClearanceTable(distance, paths[i].length, paths[j].length)
 

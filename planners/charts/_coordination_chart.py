@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, cast, final
+from typing import Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.cache import Arrays, cached, content_key
@@ -23,22 +22,15 @@ from armtempo.errors import InputError
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import BLOCKED, FREE, UNDECIDED, certify
+from armtempo.planners.charts._regions import CollisionRegion, collision_regions
 from armtempo.planners.charts._walk import free_along, passable
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm
 
-__all__ = ["BLOCKED", "FREE", "UNDECIDED", "ChartRegion", "CoordinationChart"]
-
+__all__ = ["BLOCKED", "FREE", "UNDECIDED", "CoordinationChart"]
 
 MAX_RESOLUTION = 4096
-VERSION = 2  # of the certification: raise it when the same input may get another chart
-
-
-class ChartRegion(NamedTuple):
-    """The box about one collision region: where on path a, and where on path b."""
-
-    lam_a: tuple[float, float]
-    lam_b: tuple[float, float]
+CHART_VERSION = 2  # of the certification: raise it when the same input may get another chart
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +111,7 @@ class CoordinationChart:
                 for arm, path, sweep in ((arm_a, path_a, sweep_a), (arm_b, path_b, sweep_b))
                 for part in motion_content(arm, path, sweep.q, sweep.speed)
             ]
-            arrays = cached("chart", content_key(["chart", VERSION, resolution, float(d_min), *content]), compute)
+            arrays = cached("chart", content_key(["chart", CHART_VERSION, resolution, float(d_min), *content]), compute)
         else:
             arrays = compute()
         by_capsules, by_shapes = arrays["queries"].tolist()
@@ -168,26 +160,13 @@ class CoordinationChart:
         return np.append(np.minimum.accumulate(lowest[::-1])[::-1], np.inf)
 
     @cached_property
-    def labels(self) -> NDArray[np.int32]:
-        """(R, R) 0 where free, else the number 1, 2, ... of the collision region; they touch at corners at least."""
-        labels, _ = cast("tuple[NDArray[np.int32], int]", ndimage.label(self.states != FREE, structure=np.ones((3, 3))))
-        labels.setflags(write=False)
-        return labels
-
-    @cached_property
-    def components(self) -> tuple[ChartRegion, ...]:
-        """The boxes about the collision regions, in the order of ``labels``."""
-        a, b = self.step_a, self.step_b
-        return tuple(
-            ChartRegion(
-                (float(rows.start * a), float(rows.stop * a)), (float(columns.start * b), float(columns.stop * b))
-            )
-            for rows, columns in ndimage.find_objects(self.labels)
-        )
+    def components(self) -> tuple[CollisionRegion, ...]:
+        """The collision regions: sets of cells that are not free and touch, at corners at least."""
+        return collision_regions(self.states != FREE, self.step_a, self.step_b)
 
     @property
     def regions(self) -> int:
-        """Number of collision regions (connected sets of cells that are not free)."""
+        """Number of collision regions."""
         return len(self.components)
 
     @cached_property

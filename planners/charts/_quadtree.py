@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.charts._arm_sweep import ArmSweep
-from armtempo.robots import Bodies, njit, pack_bodies, separation
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Bodies, kernels, njit, pack_bodies, separation
 
 States = NDArray[np.uint8]
 
 FREE, UNDECIDED, BLOCKED = 0, 1, 2
-ASK, HOPELESS = 3, 4  # of a pair: the real shapes decide; of a cell: no part of it will be free by its capsules
-EPS = 1e-9  # [m] rounding
+ASK_SHAPES, HOPELESS = 3, 4  # of a pair: the real shapes decide; of a cell: no part of it will be free by its capsules
+DISTANCE_ROUNDING = 1e-9  # [m]
 
 
 class _Side(NamedTuple):
@@ -124,7 +123,7 @@ def _classify(
             d = kernels.segment_distance(axis_a[0], axis_a[1], axis_b[0], axis_b[1])
             d -= side_a.radius[ka] + side_b.radius[kb]
             by_capsules += 1
-            moved = capsule_moves_a[cells.a[c], ka] + capsule_moves_b[cells.b[c], kb] + EPS
+            moved = capsule_moves_a[cells.a[c], ka] + capsule_moves_b[cells.b[c], kb] + DISTANCE_ROUNDING
             if d - moved >= d_min:
                 continue
             distance[e - start] = d
@@ -132,7 +131,7 @@ def _classify(
             if side_a.exact[ka] and side_b.exact[kb]:
                 pair_state[e] = BLOCKED if near else UNDECIDED
             else:
-                pair_state[e] = ASK
+                pair_state[e] = ASK_SHAPES
                 if near and not real:
                     state = HOPELESS
             if pair_state[e] == BLOCKED:
@@ -142,7 +141,7 @@ def _classify(
         while real and state == UNDECIDED:
             nearest, e = math.inf, -1
             for other in range(start, stop):
-                if pair_state[other] == ASK and distance[other - start] < nearest:
+                if pair_state[other] == ASK_SHAPES and distance[other - start] < nearest:
                     nearest, e = distance[other - start], other
             if e < 0:
                 state = FREE
@@ -152,7 +151,7 @@ def _classify(
             ka, kb = cells.pairs[e] // shapes_b, cells.pairs[e] % shapes_b
             link_a, link_b = side_a.bodies.link[ka], side_b.bodies.link[kb]
             # The tolerance keeps the answer true of FCL's distances, by which plans are judged.
-            moved = shape_moves_a[cells.a[c], ka] + shape_moves_b[cells.b[c], kb] + EPS
+            moved = shape_moves_a[cells.a[c], ka] + shape_moves_b[cells.b[c], kb] + DISTANCE_ROUNDING
             moved += max(side_a.bodies.tolerance[ka], side_b.bodies.tolerance[kb])
             low, high = separation(
                 side_a.bodies, ka, side_a.base if link_a < 0 else side_a.poses[place_a * samples, link_a],

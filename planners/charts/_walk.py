@@ -10,14 +10,14 @@ from armtempo.robots import njit
 
 States = NDArray[np.uint8]
 
-BORDER = 1e-9  # cells: a point this close to a border touches the cells on both sides
+BORDER_TOLERANCE = 1e-9  # cells: a point this close to a border touches the cells on both sides
 
 
 @njit
 def _span(low: float, high: float, cells: int) -> tuple[int, int]:
     """First cell touched by [low, high], in cells, and the one after the last."""
-    start = max(int(np.ceil(low - BORDER)) - 1, 0)
-    return min(start, cells - 1), min(int(np.floor(high + BORDER)) + 1, cells)
+    start = max(int(np.ceil(low - BORDER_TOLERANCE)) - 1, 0)
+    return min(start, cells - 1), min(int(np.floor(high + BORDER_TOLERANCE)) + 1, cells)
 
 
 @njit
@@ -36,8 +36,8 @@ def free_along(states: States, a: Floats, b: Floats, straight: bool) -> bool:
         for i in range(start, stop):
             low, high = min(b0, b1), max(b0, b1)
             if straight and a1 > a0:
-                at = b0 + (b1 - b0) * min(max((i - BORDER - a0) / (a1 - a0), 0.0), 1.0)
-                to = b0 + (b1 - b0) * min(max((i + 1 + BORDER - a0) / (a1 - a0), 0.0), 1.0)
+                at = b0 + (b1 - b0) * min(max((i - BORDER_TOLERANCE - a0) / (a1 - a0), 0.0), 1.0)
+                to = b0 + (b1 - b0) * min(max((i + 1 + BORDER_TOLERANCE - a0) / (a1 - a0), 0.0), 1.0)
                 low, high = min(at, to), max(at, to)
             first, end = _span(low, high, columns)
             for j in range(first, end):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armtempo.planners.coordination._best_responses import optimal, prioritised, respond
 from armtempo.planners.coordination._guard import BrakingGuard
-from armtempo.planners.coordination._interval_search import FULL, IntervalSearch
+from armtempo.planners.coordination._interval_search import ALL_STAGES, IntervalSearch
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
     PairBound,
@@ -20,8 +20,8 @@ from armtempo.planners.coordination._timing_problem import Motions, TimingProble
 from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_vci
 
 __all__ = [
+    "ALL_STAGES",
     "BrakingGuard",
-    "FULL",
     "IntervalSearch",
     "MakespanBound",
     "Motions",

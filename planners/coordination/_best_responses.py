@@ -17,21 +17,21 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners.charts import CoordinationChart
-from armtempo.planners.coordination._interval_search import COARSE, FULL, Stage
+from armtempo.planners.coordination._interval_search import ALL_STAGES, COARSE_STAGES, Stage
 from armtempo.planners.coordination._makespan_bound import guide_path
 from armtempo.planners.coordination._start_delays import delayed, offset, start_offset
 from armtempo.planners.coordination._stop_and_go import stop_and_go
 from armtempo.planners.coordination._time_windows import Occupancy, pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
-from armtempo.planners.topp import EXCESS, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhaseTrajectory
 
-CLOSE = 0.002  # a plan is not improved any more once it is within this share of what is attainable
-WORTH = 1e-4  # smallest gain of a round of best responses, as a share of the makespan
-ROUNDS = 6  # of best responses
-BETTER = 1.0 - 1e-9  # share of the makespan: ties keep the cell's order, whatever the rounding
-STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)
-MOST_NODES = 2000  # orders begun, when arms only shift their motions
-MOST_SHAPED = 40  # orders begun, when motions are shaped
+CLOSE_ENOUGH_SHARE = 0.002  # of what is attainable: a plan within it is not improved any more
+LEAST_GAIN_SHARE = 1e-4  # of the makespan: what a round of best responses must gain
+MOST_ROUNDS = 6  # of best responses
+BETTER_SHARE = 1.0 - 1e-9  # of the makespan: ties keep the cell's order, whatever the rounding
+GUIDE_STRETCHES = (1.0, 1.02, 1.05, 1.1, 1.2, 1.35)  # by which an arm on the relaxed path is slowed down
+MOST_SHIFTED_ORDERS = 2000  # orders begun, when arms only shift their motions
+MOST_SHAPED_ORDERS = 40  # orders begun, when motions are shaped
 
 
 def prioritised(problem: TimingProblem, order: tuple[int, ...]) -> Motions:
@@ -42,7 +42,7 @@ def prioritised(problem: TimingProblem, order: tuple[int, ...]) -> Motions:
     """
     planned: dict[int, PhaseTrajectory] = {order[0]: problem.fastest[order[0]]}
     for arm in order[1:]:
-        planned[arm] = respond(problem, arm, planned, FULL)
+        planned[arm] = respond(problem, arm, planned, ALL_STAGES)
     return tuple(planned[arm] for arm in problem.arms)
 
 
@@ -59,7 +59,7 @@ def respond(
         shifted = alone.delayed(start_offset(problem, arm, others))
     except InfeasibleError:
         shifted = None
-    if shifted is not None and shifted.duration <= (1.0 + WORTH) * alone.duration:
+    if shifted is not None and shifted.duration <= (1.0 + LEAST_GAIN_SHARE) * alone.duration:
         return shifted
     try:
         shaped = problem.searches[arm].respond(others, stages=stages, horizon=min(horizon, _end(shifted)))
@@ -87,10 +87,10 @@ def _earlier(motion: PhaseTrajectory, other: PhaseTrajectory | None) -> PhaseTra
 
 def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]) -> Motions:
     """Best responses in turn, the last to arrive first, until no round gains anything."""
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         before = makespan(motions)
         for arm in sorted(problem.arms, key=lambda k: -motions[k].duration):
-            if motions[arm].duration <= problem.fastest[arm].duration * (1.0 + WORTH):
+            if motions[arm].duration <= problem.fastest[arm].duration * (1.0 + LEAST_GAIN_SHARE):
                 continue
             others = {j: motion for j, motion in enumerate(motions) if j != arm}
             try:
@@ -99,7 +99,7 @@ def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]
                 continue  # the lattice is too coarse for the motion it has
             if response.duration < motions[arm].duration:
                 motions = (*motions[:arm], response, *motions[arm + 1 :])
-        if makespan(motions) > (1.0 - WORTH) * before:
+        if makespan(motions) > (1.0 - LEAST_GAIN_SHARE) * before:
             break
     return motions
 
@@ -111,7 +111,7 @@ def _guides(problem: TimingProblem) -> Iterator[tuple[int, Occupancy]]:
     if path is None:
         return
     clock: Floats = np.arange(len(path), dtype=np.float64) * float(np.diff(path, axis=0).max(initial=0.0))
-    for stretch in STRETCHES:
+    for stretch in GUIDE_STRETCHES:
         for arm, swapped in ((0, chart), (1, chart.swapped)):
             yield arm, _virtual(problem.fastest[arm], path[:, arm], np.asarray(stretch * clock), swapped)
 
@@ -135,8 +135,8 @@ def _answered(problem: TimingProblem, arm: int, virtual: Occupancy) -> Motions |
     """The other arm answers a virtual one, the arm itself answers that answer; None if either cannot."""
     other = 1 - arm
     try:
-        answer = problem.searches[other].respond({arm: virtual}, stages=COARSE[:1])
-        own = respond(problem, arm, {other: answer}, COARSE[:1])
+        answer = problem.searches[other].respond({arm: virtual}, stages=COARSE_STAGES[:1])
+        own = respond(problem, arm, {other: answer}, COARSE_STAGES[:1])
     except InfeasibleError:
         return None
     return (own, answer) if arm == 0 else (answer, own)
@@ -153,7 +153,7 @@ def _orders(problem: TimingProblem) -> list[tuple[int, ...]]:
 def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] | None:
     """Depth first over orders that share what they begin with, cut off at the best makespan so far."""
     best, best_order, nodes = np.inf, None, 0
-    enough = (1.0 + CLOSE) * problem.attainable
+    enough = (1.0 + CLOSE_ENOUGH_SHARE) * problem.attainable
 
     def begin(order: tuple[int, ...], planned: dict[int, PhaseTrajectory], latest: float) -> None:
         nonlocal best, best_order, nodes
@@ -162,12 +162,12 @@ def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] |
             return
         children = []
         for arm in problem.arms:
-            if arm in planned or nodes >= (MOST_SHAPED if shaped else MOST_NODES):
+            if arm in planned or nodes >= (MOST_SHAPED_ORDERS if shaped else MOST_SHIFTED_ORDERS):
                 continue
             nodes += 1
             try:
                 motion = (
-                    respond(problem, arm, planned, COARSE)
+                    respond(problem, arm, planned, COARSE_STAGES)
                     if shaped
                     else problem.fastest[arm].delayed(start_offset(problem, arm, planned))
                 )
@@ -192,6 +192,62 @@ def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[
             yield offset(problem, order), order
 
 
+class _Best:
+    """The best plan so far."""
+
+    def __init__(self, problem: TimingProblem) -> None:
+        self.problem = problem
+        self.enough = (1.0 + CLOSE_ENOUGH_SHARE) * problem.attainable
+        self.motions: Motions | None = None
+        self.order: tuple[int, ...] = ()
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it is not worth improving any more."""
+        return self.motions is not None and makespan(self.motions) <= self.enough
+
+    def take(self, motions: Motions, order: tuple[int, ...] | None = None) -> None:
+        """Take motions, in their order of priority or else of arrival, if they are better and keep clear."""
+        if self.motions is not None and makespan(motions) >= BETTER_SHARE * makespan(self.motions):
+            return
+        if not self.problem.is_free(motions):
+            return
+        arrivals = sorted(self.problem.arms, key=lambda k: (motions[k].duration, k))
+        self.motions, self.order = motions, tuple(arrivals) if order is None else order
+
+
+def _take_prioritised(best: _Best, orders: list[tuple[int, ...]]) -> None:
+    for order in orders:
+        if best.is_enough:
+            return
+        with suppress(InfeasibleError):
+            best.take(prioritised(best.problem, order), order)
+
+
+def _take_guided(best: _Best) -> None:
+    """For two arms: answers to an arm that is taken to move along the relaxed path, the best two improved."""
+    if best.is_enough:
+        return
+    problem = best.problem
+    candidates = [_answered(problem, arm, virtual) for arm, virtual in _guides(problem)]
+    for motions in sorted((c for c in candidates if c is not None), key=makespan)[:2]:
+        best.take(improved(problem, improved(problem, motions, COARSE_STAGES), ALL_STAGES))
+
+
+def _take_stop_and_go(best: _Best) -> None:
+    """For two arms that can hold still, if nothing else is found: one at a time, and what improves it."""
+    problem = best.problem
+    if best.motions is not None or not all(problem.holdable):
+        return
+    slow = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
+    if slow is None:
+        return
+    # its parts are solved on grids of their own
+    if max(motion.certificate.excess for motion in slow) <= LIMIT_EXCESS_MAX:
+        best.take(slow)
+    best.take(improved(problem, improved(problem, slow, COARSE_STAGES), ALL_STAGES))
+
+
 def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
     """The best plan that is found with all arms free to yield, and its order: of priority, else of arrival.
 
@@ -209,50 +265,21 @@ def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
         )
     if len(problem.arms) == 1:
         return problem.fastest, (0,)
-    enough = (1.0 + CLOSE) * problem.attainable
-    if np.isinf(enough):
+    best = _Best(problem)
+    if np.isinf(best.enough):
         raise _no_plan(problem)
     orders = _orders(problem)
-    best: Motions | None = None
-    best_order: tuple[int, ...] = ()
-
-    def take(motions: Motions | None, order: tuple[int, ...] | None = None) -> None:
-        nonlocal best, best_order
-        if motions is None or (best is not None and makespan(motions) >= BETTER * makespan(best)):
-            return
-        if not problem.is_free(motions):
-            return
-        best = motions
-        arrivals = sorted(problem.arms, key=lambda k: (motions[k].duration, k))
-        best_order = order if order is not None else tuple(arrivals)
-
-    def enough_found() -> bool:
-        return best is not None and makespan(best) <= enough
-
     for motions, order in _shifted(problem, orders):
-        take(motions, order)
-    for order in orders:
-        if not enough_found():
-            try:
-                take(prioritised(problem, order), order)
-            except InfeasibleError:
-                continue
-    if len(problem.arms) == 2 and not enough_found():
-        candidates = [_answered(problem, arm, virtual) for arm, virtual in _guides(problem)]
-        for motions in sorted((c for c in candidates if c is not None), key=makespan)[:2]:
-            take(improved(problem, improved(problem, motions, COARSE), FULL))
-    if best is None and len(problem.arms) == 2 and all(problem.holdable):
-        slow = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
-        if slow is not None:
-            # its parts are solved on grids of their own
-            if max(motion.certificate.excess for motion in slow) <= EXCESS:
-                take(slow)
-            take(improved(problem, improved(problem, slow, COARSE), FULL))
-    if best is not None and not enough_found():
-        take(improved(problem, best, FULL))
-    if best is None:
+        best.take(motions, order)
+    _take_prioritised(best, orders)
+    if len(problem.arms) == 2:
+        _take_guided(best)
+        _take_stop_and_go(best)
+    if best.motions is not None and not best.is_enough:
+        best.take(improved(problem, best.motions, ALL_STAGES))
+    if best.motions is None:
         raise _no_plan(problem)
-    return best, best_order
+    return best.motions, best.order
 
 
 def _no_plan(problem: TimingProblem) -> InfeasibleError:

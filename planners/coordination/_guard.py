@@ -14,17 +14,16 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.planners.coordination._precedence import Precedence
 from armtempo.planners.topp import Mode, PhasePlane
-from armtempo.planners.topp.kernels import Edges, Rows, run
+from armtempo.planners.topp.kernels import STATION, advance
 from armtempo.robots import njit
 
-MARGIN = 1e-7  # of lambda: how far behind a limit an arm is kept
-BISECTIONS = 20
+LIMIT_MARGIN = 1e-7  # of lambda: how far behind a limit an arm is kept
+COMMAND_BISECTIONS = 20
 
 
 @njit
 def step(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     command: float,
@@ -37,10 +36,10 @@ def step(
 ) -> tuple[float, float, float, bool]:
     """One step under one command; also the time used and whether it stays behind the limit all the while.
 
-    ``limit`` (K,): at the beginning of every check; step ``at`` has those from ``at checks`` on. The last one lasts.
-    ``scratch`` (2, checks).
+    ``steps``: of the edges of its phase plane. ``limit`` (K,): at the beginning of every check; step ``at`` has those
+    from ``at checks`` on. The last one lasts. ``scratch`` (2, checks).
     """
-    lam, mu, used = run(edges.steps, lam, mu, command, by_speed, dt / checks, checks, scratch[0], scratch[1])
+    lam, mu, used = advance(steps, lam, mu, command, by_speed, dt / checks, checks, scratch[0], scratch[1])
     safe = True
     for m in range(checks):
         safe = safe and scratch[0, m] <= limit[min(at * checks + m, limit.shape[0] - 1)]
@@ -49,8 +48,7 @@ def step(
 
 @njit
 def stays_behind(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     command: float,
@@ -63,21 +61,20 @@ def stays_behind(
     """Whether a command for one step, and on until the arm is past ``until``, then maximum braking, stays behind."""
     scratch = np.empty((2, checks))
     for at in range(100000):
-        lam, mu, _, safe = step(rows, edges, lam, mu, command, by_speed, dt, checks, limit, at, scratch)
+        lam, mu, _, safe = step(steps, lam, mu, command, by_speed, dt, checks, limit, at, scratch)
         if not safe:
             return False
         if lam >= until:
             command = 0.0
         # At rest it stays there (or it is at its end); what blocks later is in a limit of now.
-        if lam >= rows.station[-1] or (command == 0.0 and mu <= 0.0):
+        if lam >= steps[-1, STATION] or (command == 0.0 and mu <= 0.0):
             return True
     return False
 
 
 @njit
 def places(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     commands: Floats,
@@ -93,8 +90,8 @@ def places(
     out[0] = lam
     for first in range(1, out.shape[0], checks):
         at = min((first - 1) // checks, last)
-        if lam < rows.station[-1] and not (resting and at == last and mu <= 0.0):
-            lam, mu, _ = run(edges.steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1])
+        if lam < steps[-1, STATION] and not (resting and at == last and mu <= 0.0):
+            lam, mu, _ = advance(steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1])
         else:
             scratch[0] = lam
         for m in range(min(checks, out.shape[0] - first)):
@@ -103,8 +100,7 @@ def places(
 
 @njit
 def largest_behind(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     command: float,
@@ -114,16 +110,25 @@ def largest_behind(
     limit: Floats,
 ) -> float:
     """The command, cut back by bisection until ``stays_behind``; 0 if nothing does."""
-    if stays_behind(rows, edges, lam, mu, command, -1.0, by_speed, dt, checks, limit):
+    if stays_behind(steps, lam, mu, command, -1.0, by_speed, dt, checks, limit):
         return command
     low, high = 0.0, command
-    for _ in range(BISECTIONS):
+    for _ in range(COMMAND_BISECTIONS):
         middle = 0.5 * (low + high)
-        if stays_behind(rows, edges, lam, mu, middle, -1.0, by_speed, dt, checks, limit):
+        if stays_behind(steps, lam, mu, middle, -1.0, by_speed, dt, checks, limit):
             low = middle
         else:
             high = middle
     return low
+
+
+def places_at_checks(
+    plane: PhasePlane, lam: float, mu: float, commands: Floats, by_speed: bool, period: float, checks: int, count: int
+) -> Floats:
+    """(count,) where an arm is at the beginning of every check under commands (K,); the last one lasts."""
+    out = np.empty(count)
+    places(plane.edges.steps, lam, mu, commands, by_speed, period, checks, out)
+    return out
 
 
 def horizon(planes: Sequence[PhasePlane], period: float, checks: int) -> int:
@@ -154,10 +159,8 @@ class BrakingGuard:
 
     def braking(self, i: int, lam: float, mu: float) -> Floats:
         """(K,) where arm i is at the beginning of every check from now on if it brakes as hard as it can."""
-        out = np.empty(self._checks_ahead)
         plane = self.planes[i]
-        places(plane.rows, plane.edges, lam, mu, np.zeros(1), True, self.period, self.checks, out)
-        return out
+        return places_at_checks(plane, lam, mu, np.zeros(1), True, self.period, self.checks, self._checks_ahead)
 
     def guarded(self, i: int, command: float, lam: float, mu: float, braking: Callable[[int], Floats]) -> float:
         """The command in [0, 1] of arm i, cut back until it could still brake behind all its limits.
@@ -175,6 +178,6 @@ class BrakingGuard:
         plane = self.planes[i]
         return float(
             largest_behind(
-                plane.rows, plane.edges, lam, mu, command, self._by_speed, self.period, self.checks, limit - MARGIN
+                plane.edges.steps, lam, mu, command, self._by_speed, self.period, self.checks, limit - LIMIT_MARGIN
             )
         )

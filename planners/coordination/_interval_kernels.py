@@ -17,9 +17,11 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
-LABELS = 12  # intervals kept per state; the latest are dropped
-SHUT = 256  # forbidden windows told apart in one interval
-SLACK = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
+INTERVALS_PER_STATE = 12  # kept; the latest are dropped
+MOST_WINDOWS = 256  # forbidden, told apart in one interval
+LIMIT_SLACK_SHARE = 1e-9  # of the width of the limits: rounding, so that the plane's own fastest motion passes
+
+WAY_FROM, WAY_TO, SHUT_FROM, SHUT_UNTIL = range(4)  # columns of the blocks of an interval
 
 
 class Lattice(NamedTuple):
@@ -59,7 +61,7 @@ def _accelerations(rows: Rows, p: int, q: int, x: float) -> tuple[float, float]:
                 continue
             drag = rows.r[m, j] * np.sqrt(x)
             low, high = rows.low[m, j] - drag, rows.high[m, j] - drag
-            slack = SLACK * (high - low) if high - low < np.inf else 0.0
+            slack = LIMIT_SLACK_SHARE * (high - low) if high - low < np.inf else 0.0
             a = rows.a[m, j] + d2 * rows.b[m, j]
             low, high = low - slack - rows.b[m, j] * x, high + slack - rows.b[m, j] * x
             if a < 0.0:
@@ -83,7 +85,7 @@ def _drags(rows: Rows, p: int, q: int, x: float, u: float) -> bool:
                 r = rows.r[m, j]
                 if r != 0.0:
                     torque = rows.a[m, j] * u + rows.b[m, j] * x_here + r * np.sqrt(x_here)
-                    slack = SLACK * (rows.high[m, j] - rows.low[m, j])
+                    slack = LIMIT_SLACK_SHARE * (rows.high[m, j] - rows.low[m, j])
                     if torque < rows.low[m, j] - slack or torque > rows.high[m, j] + slack:
                         return False
     return True
@@ -91,7 +93,7 @@ def _drags(rows: Rows, p: int, q: int, x: float, u: float) -> bool:
 
 @njit
 def _blocks(windows: Windows, i: int, loose: float, out: Floats) -> int:
-    """Collect the windows of interval i: from and to which way into it, from and to when, (B, 4).
+    """Collect the windows of interval i, (B, 4): from and to which way into it, from and until when it is shut.
 
     Windows of neighbouring slots that differ by no more than ``loose`` become one that covers both.
     """
@@ -103,18 +105,19 @@ def _blocks(windows: Windows, i: int, loose: float, out: Floats) -> int:
             start, stop = windows.start[w], windows.stop[w]
             e = count - 1
             while e >= 0 and not (
-                out[e, 1] == begin
-                and (out[e, 2] == start or abs(out[e, 2] - start) <= loose)
-                and (out[e, 3] == stop or abs(out[e, 3] - stop) <= loose)
+                out[e, WAY_TO] == begin
+                and (out[e, SHUT_FROM] == start or abs(out[e, SHUT_FROM] - start) <= loose)
+                and (out[e, SHUT_UNTIL] == stop or abs(out[e, SHUT_UNTIL] - stop) <= loose)
             ):
                 e -= 1
             if e < 0 and count < out.shape[0]:
-                out[count, 0], out[count, 1], out[count, 2], out[count, 3] = begin, end, start, stop
+                out[count, WAY_FROM], out[count, WAY_TO] = begin, end
+                out[count, SHUT_FROM], out[count, SHUT_UNTIL] = start, stop
                 count += 1
             else:  # too many to tell apart: the last covers the rest
                 e = max(e, 0) if e >= 0 else count - 1
-                out[e, 1] = end
-                out[e, 2], out[e, 3] = min(out[e, 2], start), max(out[e, 3], stop)
+                out[e, WAY_TO] = end
+                out[e, SHUT_FROM], out[e, SHUT_UNTIL] = min(out[e, SHUT_FROM], start), max(out[e, SHUT_UNTIL], stop)
     return count
 
 
@@ -126,14 +129,14 @@ def _shut_departures(
     shut = 0
     mu = np.sqrt(x)
     for e in range(count):
-        if blocks[e, 3] <= after or blocks[e, 2] >= before + time:
+        if blocks[e, SHUT_UNTIL] <= after or blocks[e, SHUT_FROM] >= before + time:
             continue
         entered, left = 0.0, time
-        if blocks[e, 0] > 0.0:
-            entered = 2.0 * blocks[e, 0] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 0] * u, 0.0)))
-        if blocks[e, 1] < way:
-            left = 2.0 * blocks[e, 1] / (mu + np.sqrt(max(x + 2.0 * blocks[e, 1] * u, 0.0)))
-        out[shut, 0], out[shut, 1] = blocks[e, 2] - left, blocks[e, 3] - entered
+        if blocks[e, WAY_FROM] > 0.0:
+            entered = 2.0 * blocks[e, WAY_FROM] / (mu + np.sqrt(max(x + 2.0 * blocks[e, WAY_FROM] * u, 0.0)))
+        if blocks[e, WAY_TO] < way:
+            left = 2.0 * blocks[e, WAY_TO] / (mu + np.sqrt(max(x + 2.0 * blocks[e, WAY_TO] * u, 0.0)))
+        out[shut, 0], out[shut, 1] = blocks[e, SHUT_FROM] - left, blocks[e, SHUT_UNTIL] - entered
         shut += 1
     return shut
 
@@ -227,9 +230,9 @@ def reach(rows: Rows, lattice: Lattice, windows: Windows, latest: Floats, label:
     ``label`` (N+1, K, L, 2) and ``count`` (N+1, K), zero at first; labels of states at rest end up grown by waiting.
     """
     last = lattice.pick.shape[0] - 1
-    blocks = np.empty((SHUT, 4))
-    shut = np.empty((SHUT, 2))
-    pieces = np.empty((LABELS + SHUT, 2))
+    blocks = np.empty((MOST_WINDOWS, 4))
+    shut = np.empty((MOST_WINDOWS, 2))
+    pieces = np.empty((INTERVALS_PER_STATE + MOST_WINDOWS, 2))
     grown = np.empty((label.shape[2], 2))
     friction = (rows.r != 0.0).any()
     label[0, 0, 0, 0] = label[0, 0, 0, 1] = 0.0
@@ -309,9 +312,9 @@ def trace(
     Of the ways back the one is taken that changes ``u`` least. Returns 0, or the station where none is left.
     """  # fmt: skip
     last = lattice.pick.shape[0] - 1
-    blocks = np.empty((SHUT, 4))
-    shut = np.empty((SHUT, 2))
-    pieces = np.empty((LABELS + SHUT, 2))
+    blocks = np.empty((MOST_WINDOWS, 4))
+    shut = np.empty((MOST_WINDOWS, 2))
+    pieces = np.empty((INTERVALS_PER_STATE + MOST_WINDOWS, 2))
     x[last], leave[last] = lattice.level[last, end], time
     u_after = 0.0
     for i in range(last - 1, -1, -1):

@@ -17,16 +17,23 @@ import numpy as np
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError
-from armtempo.planners.coordination._interval_kernels import LABELS, Lattice, Windows, arrival, reach, trace
+from armtempo.planners.coordination._interval_kernels import (
+    INTERVALS_PER_STATE,
+    Lattice,
+    Windows,
+    arrival,
+    reach,
+    trace,
+)
 from armtempo.planners.coordination._time_windows import Occupancy, Runs, forbidden_windows
-from armtempo.planners.topp import EXCESS, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
-FINEST = 1200  # intervals between stations at most
-SLOTS = 1024  # equal pieces of the path, at least, with windows of their own
-LOOSE = 0.1  # of the mean time between stations: windows that differ by less are one
-GAIN = 2e-4  # share of the arrival time that is worth another search
+MOST_INTERVALS = 1200  # between stations
+LEAST_SLOTS = 1024  # equal pieces of the path with windows of their own
+SAME_WINDOW_SHARE = 0.1  # of the mean time between stations: windows that differ by less are one
+LEAST_GAIN_SHARE = 2e-4  # of the arrival time: what is worth another search
 
 
 class Stage(NamedTuple):
@@ -42,8 +49,8 @@ class Stage(NamedTuple):
     repeats: int
 
 
-COARSE = (Stage(128, 161, 0.5, 1), Stage(128, 121, 0.12, 4))
-FULL = (*COARSE, Stage(256, 81, 0.04, 3), Stage(512, 61, 0.015, 3), Stage(FINEST, 61, 0.0075, 4))
+COARSE_STAGES = (Stage(128, 161, 0.5, 1), Stage(128, 121, 0.12, 4))
+ALL_STAGES = (*COARSE_STAGES, Stage(256, 81, 0.04, 3), Stage(512, 61, 0.015, 3), Stage(MOST_INTERVALS, 61, 0.0075, 4))
 
 
 @njit
@@ -91,7 +98,7 @@ class IntervalSearch:
         """Rows of the grid that may be stations: the first at each place, thinned if there are too many."""
         station = self.plane.rows.station
         rows = np.flatnonzero(np.concatenate([[True], np.diff(station) > 0.0]))
-        rows = rows[:: -(-(len(rows) - 1) // FINEST)]
+        rows = rows[:: -(-(len(rows) - 1) // MOST_INTERVALS)]
         last = len(station) - 1
         return rows if rows[-1] == last else np.append(rows, last)
 
@@ -103,14 +110,14 @@ class IntervalSearch:
     @cached_property
     def _border(self) -> Floats:
         station = self.plane.rows.station[self._stations]
-        return np.union1d(station, np.linspace(0.0, self.plane.length, SLOTS + 1)[1:-1])
+        return np.union1d(station, np.linspace(0.0, self.plane.length, LEAST_SLOTS + 1)[1:-1])
 
     def respond(
         self,
         others: Mapping[int, PhaseTrajectory | Occupancy],
         *,
         horizon: float = np.inf,
-        stages: Sequence[Stage] = FULL,
+        stages: Sequence[Stage] = ALL_STAGES,
     ) -> PhaseTrajectory:
         """The earliest arrival found.
 
@@ -132,7 +139,7 @@ class IntervalSearch:
         for _ in range(4):
             motion = self._search(first, start, stop, horizon, stages, self._reserved(reserve))
             excess = motion.certificate.excess
-            if excess <= EXCESS:
+            if excess <= LIMIT_EXCESS_MAX:
                 return motion
             reserve = 1.0 - (1.0 - reserve) * (1.0 - 1.5 * excess)
         raise InfeasibleError(
@@ -157,7 +164,7 @@ class IntervalSearch:
     def _windows(self, pick: Ints, first: Ints, start: Floats, stop: Floats) -> Windows:
         border = self._border
         slot = np.searchsorted(border, self.plane.rows.station[pick])
-        loose = LOOSE * self.fastest.duration / len(pick)
+        loose = SAME_WINDOW_SHARE * self.fastest.duration / len(pick)
         return Windows(border, first, start, stop, slot.astype(np.int64), loose)
 
     def _search(
@@ -176,7 +183,7 @@ class IntervalSearch:
                 better = _earliest(rows, self._lattice(pick, stage, found), windows, latest)
                 if better is None:
                     break
-                gained = found is None or better.leave[-1] < (1.0 - GAIN) * found.leave[-1]
+                gained = found is None or better.leave[-1] < (1.0 - LEAST_GAIN_SHARE) * found.leave[-1]
                 if found is None or better.leave[-1] <= found.leave[-1] * (1.0 + 1e-9):
                     found, horizon = better, float(better.leave[-1]) * (1.0 + 1e-9)
                 if not gained:
@@ -224,7 +231,7 @@ class IntervalSearch:
 
 def _earliest(rows: Rows, lattice: Lattice, windows: Windows, latest: Floats) -> _Found | None:
     """The motion through a lattice that arrives first, if there is one."""
-    label = np.empty((*lattice.level.shape, LABELS, 2))
+    label = np.empty((*lattice.level.shape, INTERVALS_PER_STATE, 2))
     count = np.zeros(lattice.level.shape, dtype=np.int64)
     reach(rows, lattice, windows, latest, label, count)
     time = arrival(windows, label[-1, 0], count[-1, 0])

@@ -29,10 +29,10 @@ from armtempo.robots import njit
 
 PriorityClass = Literal["free", "uniform", "mixed", "infeasible"]
 
-CELLS = 2000  # along the slower arm
-COARSEST = 2048  # chart cells along each side
-SAME = 0.002  # orders that cost no more than this share of the makespan (and two cells) are natural
-NOWHERE = np.int32(1 << 30)
+CELLS_OF_SLOWER_ARM = 2000  # of the chart redrawn in minimum times
+MOST_CHART_CELLS = 2048  # chart cells along each side
+NATURAL_COST_SHARE = 0.002  # of the makespan (and two cells): orders that cost no more are natural
+UNREACHED = np.int32(1 << 30)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class PairBound:
     @property
     def natural(self) -> tuple[bool, bool]:
         """Whether arm a, and arm b, can go first through every region at no cost to the relaxed makespan."""
-        most = (1.0 + SAME) * self.time + 2.0 * self.step
+        most = (1.0 + NATURAL_COST_SHARE) * self.time + 2.0 * self.step
         a, b = (math.isfinite(first) and first <= most for first in self.first_times)
         return a, b
 
@@ -132,7 +132,7 @@ def _fewest_cells(shut: Bools, cells: NDArray[np.int32]) -> int:
     m, n = shut.shape
     for k in range(m):
         for j in range(n):
-            least = NOWHERE
+            least = UNREACHED
             if not shut[k, j]:
                 if k == 0 and j == 0:
                     least = np.int32(1)
@@ -142,8 +142,8 @@ def _fewest_cells(shut: Bools, cells: NDArray[np.int32]) -> int:
                     least = min(least, cells[k, j - 1] + np.int32(1))
                 if k > 0 and j > 0:
                     least = min(least, cells[k - 1, j - 1] + np.int32(1))
-            cells[k, j] = min(least, NOWHERE)
-    return int(cells[m - 1, n - 1]) if cells[m - 1, n - 1] < NOWHERE else 0
+            cells[k, j] = min(least, UNREACHED)
+    return int(cells[m - 1, n - 1]) if cells[m - 1, n - 1] < UNREACHED else 0
 
 
 @njit
@@ -175,10 +175,10 @@ def _warp(
 
     Shut where ``every`` chart cell beneath (else: any) is blocked, or, ``free_only``, not certified free.
     """
-    h = max(fastest_a.duration, fastest_b.duration) / CELLS
+    h = max(fastest_a.duration, fastest_b.duration) / CELLS_OF_SLOWER_ARM
     # A coarser cell counts as blocked where all of its cells are: still a bound, and it stays in the cache.
     occupied, share = (chart.states != FREE) if free_only else (chart.states == BLOCKED), 1
-    while len(occupied) > COARSEST and len(occupied) % 2 == 0:
+    while len(occupied) > MOST_CHART_CELLS and len(occupied) % 2 == 0:
         halves = (occupied[0::2], occupied[1::2])
         occupied = halves[0] & halves[1] if every else halves[0] | halves[1]
         halves = (occupied[:, 0::2], occupied[:, 1::2])

@@ -36,7 +36,7 @@ from armtempo.planners.charts import FREE, CoordinationChart, limit_at
 from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
-INSTANT = 1e-9  # share of the makespan: passes nearer in time than this are in time (rounding of a tight plan)
+SAME_INSTANT_SHARE = 1e-9  # of the makespan: passes nearer in time than this are in time (rounding of a tight plan)
 
 
 @njit
@@ -111,7 +111,7 @@ class Precedence:
             InfeasibleError: The motions meet in a cell that is not free; the message names the arms and the places.
         """
         lengths = tuple(float(motion.dynamics.length) for motion in motions)
-        slack = INSTANT * max(motion.duration for motion in motions)
+        slack = SAME_INSTANT_SHARE * max(motion.duration for motion in motions)
         limits = {}
         for (i, j), chart in charts.items():
             cells = chart.resolution

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
 from armtempo.planners.charts import FREE, CoordinationChart
-from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 from armtempo.robots import njit
 
-COARSEST = 512  # cells along each side, tried first
-NEVER = np.int16(32000)
-SUBDIVISION = 100  # intervals of a move, at least
+CELLS_TRIED_FIRST = 512  # cells along each side, tried first
+UNREACHED = np.int16(32000)
+INTERVALS_OF_A_MOVE = 100  # at least
 
 
 @njit
@@ -26,7 +26,7 @@ def _turns(shut: Bools, turns: NDArray[np.int16]) -> None:
     """Fewest turns to every cell, arriving along a (``[..., 0]``) or along b (``[..., 1]``)."""
     for i in range(shut.shape[0]):
         for j in range(shut.shape[1]):
-            turns[i, j, 0] = turns[i, j, 1] = NEVER
+            turns[i, j, 0] = turns[i, j, 1] = UNREACHED
             if shut[i, j]:
                 continue
             if i == 0 and j == 0:
@@ -36,8 +36,8 @@ def _turns(shut: Bools, turns: NDArray[np.int16]) -> None:
                 turns[i, j, 0] = min(turns[i - 1, j, 0], turns[i - 1, j, 1] + 1)
             if j > 0:
                 turns[i, j, 1] = min(turns[i, j - 1, 1], turns[i, j - 1, 0] + 1)
-            turns[i, j, 0] = min(turns[i, j, 0], NEVER)
-            turns[i, j, 1] = min(turns[i, j, 1], NEVER)
+            turns[i, j, 0] = min(turns[i, j, 0], UNREACHED)
+            turns[i, j, 1] = min(turns[i, j, 1], UNREACHED)
 
 
 def _corners(shut: Bools) -> list[tuple[int, int]] | None:
@@ -45,7 +45,7 @@ def _corners(shut: Bools) -> list[tuple[int, int]] | None:
     turns = np.empty((*shut.shape, 2), dtype=np.int16)
     _turns(shut, turns)
     i, j = len(shut) - 1, shut.shape[1] - 1
-    if turns[i, j].min() >= NEVER:
+    if turns[i, j].min() >= UNREACHED:
         return None
     along = int(turns[i, j].argmin())
     corners = [(i, j)]
@@ -63,7 +63,7 @@ def _moves(chart: CoordinationChart) -> list[tuple[float, float]] | None:
     """Places (lambda_a, lambda_b) between which one arm moves at a time; None if no path of free cells exists."""
     shut = chart.states != FREE
     coarse, share = shut, 1
-    while len(coarse) > COARSEST and len(coarse) % 2 == 0:
+    while len(coarse) > CELLS_TRIED_FIRST and len(coarse) % 2 == 0:
         coarse = coarse[0::2] | coarse[1::2]
         coarse = coarse[:, 0::2] | coarse[:, 1::2]
         share *= 2
@@ -80,34 +80,9 @@ def _moves(chart: CoordinationChart) -> list[tuple[float, float]] | None:
     return [(place(i, chart.length_a), place(j, chart.length_b)) for i, j in corners]
 
 
-def has_path(chart: CoordinationChart) -> bool:
-    """Whether a monotone path of free cells that share sides leads from start to end."""
-    return _corners(chart.states != FREE) is not None
-
-
 def rest_to_rest(plane: PhasePlane, start: float, stop: float) -> PhaseTrajectory:
     """The fastest motion from rest at one place of the path to rest at another."""
-    rows = plane.dynamics
-    inside = (rows.grid > start) & (rows.grid < stop)
-    more = np.linspace(start, stop, SUBDIVISION + 1)
-    more = more[~np.isin(more, rows.grid[inside])]
-    M, Q, R, S = rows.evaluate(more)
-    grid = np.concatenate([rows.grid[inside], more])
-    order = np.argsort(grid, kind="stable")
-    after = np.clip(np.searchsorted(rows.grid, more, side="right"), 1, len(rows.grid) - 1)
-    w = ((more - rows.grid[after - 1]) / (rows.grid[after] - rows.grid[after - 1]))[:, None]
-
-    def joined(known: Floats, new: Floats) -> Floats:
-        return np.concatenate([known[inside], new])[order]
-
-    limits = [(1.0 - w) * limit[after - 1] + w * limit[after] for limit in (rows.torque_min, rows.torque_max)]
-    part = PathDynamics(
-        grid[order], joined(rows.M, M), joined(rows.Q, Q), joined(rows.R, R), joined(rows.S, S),
-        joined(rows.torque_min, limits[0]), joined(rows.torque_max, limits[1]),
-        joined(rows.speed_max, np.minimum(rows.speed_max[after - 1], rows.speed_max[after])),
-    )  # fmt: skip
-    part.arm, part.path, part.joints = rows.arm, rows.path, rows.joints
-    return PhasePlane(part).fastest()
+    return PhasePlane(plane.dynamics.between(start, stop, intervals=INTERVALS_OF_A_MOVE)).fastest()
 
 
 def stop_and_go(

@@ -19,8 +19,8 @@ from armtempo.planners.charts import FREE, CoordinationChart
 from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
-MARGIN = 1e-5  # [s] by which windows are widened, so that motions pass beside the corners of cells
-SHIFT = 1e-6  # [s] one arm is early or late by this when a motion is checked
+WINDOW_MARGIN = 1e-5  # [s] by which windows are widened, so that motions pass beside the corners of cells
+CHECKED_SHIFT = 1e-6  # [s] one arm is early or late by this when a motion is checked
 
 
 class Occupancy(NamedTuple):
@@ -53,7 +53,7 @@ class Runs(NamedTuple):
         """For every run from when to when the other arm is in it, widened by the margin [s]."""
         if not isinstance(other, Occupancy):
             other = Occupancy.of(other, self.length_a, len(self.first) - 1)
-        return other.enter[self.low] - MARGIN, other.leave[self.high] + MARGIN
+        return other.enter[self.low] - WINDOW_MARGIN, other.leave[self.high] + WINDOW_MARGIN
 
 
 def _last_time_at(motion: PhaseTrajectory, lam: Floats) -> Floats:
@@ -150,7 +150,7 @@ def pair_is_free(chart: CoordinationChart, motion_a: PhaseTrajectory, motion_b: 
     crossed_a = np.concatenate([motion_a.time_at(border_a), _last_time_at(motion_a, border_a), motion_a.time])
     crossed_b = np.concatenate([motion_b.time_at(border_b), _last_time_at(motion_b, border_b), motion_b.time])
     end = max(motion_a.duration, motion_b.duration)
-    for shift in (-SHIFT, 0.0, SHIFT):
+    for shift in (-CHECKED_SHIFT, 0.0, CHECKED_SHIFT):
         instants = np.unique(np.concatenate([crossed_a, crossed_b + shift]))
         instants = instants[(instants >= 0.0) & (instants <= end)]
         middle = np.concatenate([[0.0], 0.5 * (instants[1:] + instants[:-1]), [end]])

@@ -26,7 +26,7 @@ from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 
 Charts = Callable[[int, int], CoordinationChart]
 Motions = tuple[PhaseTrajectory, ...]
-NATURAL = 0.03  # share of the bound by which a start delay may miss it and still be the natural plan
+NATURAL_DELAY_SHARE = 0.03  # of the bound, by which a start delay may miss it and still be the natural plan
 
 
 @final
@@ -112,7 +112,9 @@ class TimingProblem:
                 wait = pair_delay(self.chart_between(a, b), (self.names[a], self.names[b]), first, second)
             except InfeasibleError:  # in that order nobody could wait
                 wait = np.inf
-            found.append(free and max(first.duration, second.duration + wait) <= (1.0 + NATURAL) * pair.time)
+            found.append(
+                free and max(first.duration, second.duration + wait) <= (1.0 + NATURAL_DELAY_SHARE) * pair.time
+            )
         return found[0], found[1]
 
     @cached_property

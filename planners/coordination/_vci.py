@@ -46,27 +46,33 @@ from functools import cached_property
 from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners.charts import FREE, HERE, CoordinationChart
-from armtempo.planners.coordination._guard import MARGIN, horizon, largest_behind, places, stays_behind, step
+from armtempo.planners.charts import CoordinationChart, cells_at
+from armtempo.planners.coordination._guard import (
+    LIMIT_MARGIN,
+    horizon,
+    largest_behind,
+    places_at_checks,
+    stays_behind,
+    step,
+)
 from armtempo.planners.topp import Mode, PhasePlane, PhaseTrajectory
-from armtempo.planners.topp.kernels import Edges, Rows
+from armtempo.planners.topp.kernels import STATION
 from armtempo.robots import njit
 
-FINEST_CHECK = 0.0001  # [s] C is asked at least this often
-BISECTIONS = 40
-ROUNDING = 1e-4  # of a path: a slave so little past a limit brakes (observations are float32)
-AHEAD = 2  # checks by which the slave must have left before the master comes, the one under way included
+LONGEST_CHECK = 0.0001  # [s] C is asked at least this often
+COMMAND_BISECTIONS = 40
+PLACE_ROUNDING_SHARE = 1e-4  # of a path: a slave so little past a limit brakes (observations are float32)
+LEAD_CHECKS = 2  # checks by which the slave must have left before the master comes, the one under way included
+
+CORRECTIONS, LAST_STEP_ADJUSTED, EARLIER_STEP_ADJUSTED, LONGEST_INTERVAL = range(4)  # of the counts of corrections
 
 
 @njit
 def _replay(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     state: Floats,
     command: Floats,
     first: int,
@@ -80,7 +86,7 @@ def _replay(
     scratch = np.empty((2, checks))
     for k in range(first, last + 1):
         state[k + 1, 0], state[k + 1, 1], state[k + 1, 2], safe = step(
-            rows, edges, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch
+            steps, state[k, 0], state[k, 1], command[k], by_speed, dt, checks, limit, k, scratch
         )
         if not safe:
             return False
@@ -89,8 +95,7 @@ def _replay(
 
 @njit
 def control_intervals(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     state: Floats,
     command: Floats,
     by_speed: bool,
@@ -107,19 +112,19 @@ def control_intervals(
     ``history`` (C, 4): of the first C corrections the step of the collision, first step of the VCI, adjusted step,
     its command.
     """
-    end = rows.station[-1]
+    end = steps[-1, STATION]
     k = 0
     while k < command.shape[0]:
         if state[k, 0] >= end:
             return k
         command[k] = 1.0
-        if not _replay(rows, edges, state, command, k, k, by_speed, dt, checks, limit):
+        if not _replay(steps, state, command, k, k, by_speed, dt, checks, limit):
             first = k
             while True:  # steps 1-4: the shortest interval of braking that avoids the collision
                 command[first] = 0.0
                 for later in range(first + 1, k + 1):
                     command[later] = 0.0
-                if _replay(rows, edges, state, command, first, k, by_speed, dt, checks, limit):
+                if _replay(steps, state, command, first, k, by_speed, dt, checks, limit):
                     break
                 if first == 0:
                     return -1 - k
@@ -127,29 +132,27 @@ def control_intervals(
             adjusted = k
             while True:  # steps 2-5: use the room that is left
                 command[adjusted] = 1.0
-                if adjusted == first or not _replay(
-                    rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit
-                ):
+                if adjusted == first or not _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                     break
                 adjusted -= 1
             low, high = 0.0, 1.0
-            if _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit):
+            if _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                 low = 1.0
             else:
-                for _ in range(BISECTIONS):
+                for _ in range(COMMAND_BISECTIONS):
                     command[adjusted] = 0.5 * (low + high)
-                    if _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit):
+                    if _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit):
                         low = command[adjusted]
                     else:
                         high = command[adjusted]
             command[adjusted] = low
-            _replay(rows, edges, state, command, adjusted, k, by_speed, dt, checks, limit)
-            done = int(count[0])
+            _replay(steps, state, command, adjusted, k, by_speed, dt, checks, limit)
+            done = int(count[CORRECTIONS])
             if done < history.shape[0]:
                 history[done, 0], history[done, 1], history[done, 2], history[done, 3] = k, first, adjusted, low
-            count[0] += 1
-            count[1 if adjusted == k else 2] += 1
-            count[3] = max(count[3], k - first + 1)
+            count[CORRECTIONS] += 1
+            count[LAST_STEP_ADJUSTED if adjusted == k else EARLIER_STEP_ADJUSTED] += 1
+            count[LONGEST_INTERVAL] = max(count[LONGEST_INTERVAL], k - first + 1)
         k += 1
     return k if state[k, 0] >= end else -1 - k
 
@@ -166,17 +169,6 @@ class VciPlan(NamedTuple):
     history: Floats  # (corrections, 4): step of the collision, first step of the VCI, adjusted step, its command
 
 
-@njit
-def _extents(labels: NDArray[np.int32], first_a: int, first_b: int, low: Ints, top: Floats) -> None:
-    """Lowest and highest cell of every region in every column of the chart."""
-    for a in range(labels.shape[0]):
-        for b in range(labels.shape[1]):
-            k = labels[a, b] - 1
-            if k >= 0:
-                low[k, first_a + a] = min(low[k, first_a + a], first_b + b)
-                top[k, first_a + a] = max(top[k, first_a + a], first_b + b + 1)
-
-
 class _Regions:
     """The collision regions of a chart of (master, slave), one by one: m regions over R columns.
 
@@ -184,27 +176,19 @@ class _Regions:
     """
 
     def __init__(self, chart: CoordinationChart) -> None:
-        occupied = chart.states != FREE
-        columns, rows = (np.flatnonzero(occupied.any(axis=axis)) for axis in (1, 0))
-        self._cells, self._per_lam = chart.resolution, 1.0 / chart.step_a
-        # Labels are sought in the box that holds all regions; a free chart is one free cell of it.
-        box = occupied[columns[0] : columns[-1] + 1, rows[0] : rows[-1] + 1] if len(columns) else occupied[:1, :1]
-        found, self.count = ndimage.label(box, structure=np.ones((3, 3)))
-        labels = np.asarray(found, dtype=np.int32)
-        low = np.full((self.count, self._cells), np.iinfo(np.int64).max)
-        top = np.zeros((self.count, self._cells))
-        if self.count:
-            _extents(labels, int(columns[0]), int(rows[0]), low, top)
-        begin = np.where(top > 0.0, low * chart.step_b, np.inf)
-        begin[low == 0] = -chart.length_b  # nowhere to wait
-        # (m, R) below this the slave is clear of the region for the rest of the master's path,
-        self.closure = np.minimum.accumulate(begin[:, ::-1], axis=1)[:, ::-1]
-        self.end = np.where(top < self._cells, top * chart.step_b, np.inf)  # nowhere to park
+        regions, self._cells, self._length = chart.components, chart.resolution, chart.length_a
+        self.count = len(regions)
+        closure, self.end = np.empty((self.count, self._cells)), np.zeros((self.count, self._cells))
+        for k, region in enumerate(regions):
+            closure[k] = region.whole_limit_b
+            self.end[k, region.begin_a : region.begin_a + len(region.end_b)] = region.end_b
+        # (m, R) below this the slave is clear of the region for the rest of the master's path (at 0: nowhere to wait),
+        self.closure = np.where(closure == 0.0, -chart.length_b, closure)
         # (m, R) and beyond this.
         self.left = np.maximum.accumulate(self.end[:, ::-1], axis=1)[:, ::-1]
 
     def column(self, lam: Floats) -> Ints:
-        return np.clip((lam * self._per_lam - HERE).astype(np.int64), 0, self._cells - 1)
+        return cells_at(lam, self._length, self._cells)
 
     def limit(self, below: Bools, column: Ints) -> Floats:
         """C at columns, of the regions that the master passes first."""
@@ -216,7 +200,9 @@ class _Regions:
     def passed_first(self, regions: Bools, slave: Floats, column: Ints) -> Bools:
         """(m,) which of ``regions`` the slave, at ``slave`` (K,), leaves before the master's ``column`` (K,) comes."""
         out = np.zeros(self.count, dtype=np.bool_)
-        reached = np.maximum.accumulate(np.minimum(np.append(column[AHEAD:], [column[-1]] * AHEAD), self._cells - 1))
+        reached = np.maximum.accumulate(
+            np.minimum(np.append(column[LEAD_CHECKS:], [column[-1]] * LEAD_CHECKS), self._cells - 1)
+        )
         for k in np.flatnonzero(regions):
             above = np.maximum.accumulate(self.end[k, column[0] :])
             out[k] = bool((slave >= above[reached - column[0]]).all())
@@ -250,7 +236,7 @@ class VelocityControl:
         if len(self.masters) != len(self.charts):
             raise InputError(f"{len(self.masters)} masters, but {len(self.charts)} charts", remedy="give one for each")
         if self.checks < 1:
-            object.__setattr__(self, "checks", math.ceil(self.period / FINEST_CHECK - 1e-9))
+            object.__setattr__(self, "checks", math.ceil(self.period / LONGEST_CHECK - 1e-9))
 
     @cached_property
     def _regions(self) -> tuple[_Regions, ...]:
@@ -268,9 +254,7 @@ class VelocityControl:
 
     def _run(self, plane: PhasePlane, lam: float, mu: float, commands: Floats, count: int, mode: Mode) -> Floats:
         """(count,) places at the beginning of every check."""
-        out = np.empty(count)
-        places(plane.rows, plane.edges, lam, mu, commands, mode == "speed", self.period, self.checks, out)
-        return out
+        return places_at_checks(plane, lam, mu, commands, mode == "speed", self.period, self.checks, count)
 
     def plan(self, masters: Sequence[PhaseTrajectory], lam: float = 0.0, mu: float = 0.0) -> VciPlan:
         """Plan the slave's whole motion from a state, the masters' motions starting now.
@@ -280,11 +264,17 @@ class VelocityControl:
         """
         commands, counts, history = self._solve(masters, lam, mu, record=True)
         trajectory = self.slave.motion(commands, np.full(len(commands), self.period), lam, mu, mode=self.mode)
-        corrections = int(counts[0])
+        corrections = int(counts[CORRECTIONS])
         history = history[:corrections].copy()
         history.setflags(write=False)
         return VciPlan(
-            commands, trajectory, corrections, int(counts[1]), int(counts[2]), float(counts[3]) * self.period, history
+            commands=commands,
+            trajectory=trajectory,
+            corrections=corrections,
+            last_step_adjusted=int(counts[LAST_STEP_ADJUSTED]),
+            earlier_step_adjusted=int(counts[EARLIER_STEP_ADJUSTED]),
+            longest_interval=float(counts[LONGEST_INTERVAL]) * self.period,
+            history=history,
         )
 
     def commands(self, masters: Sequence[PhaseTrajectory], lam: float, mu: float) -> Floats:
@@ -312,10 +302,10 @@ class VelocityControl:
             limit = np.full(most * self.checks, np.inf)
             for regions, slave_first, c in zip(self._regions, first, column, strict=True):
                 limit = np.minimum(limit, regions.limit(~slave_first, c))
-            if limit[0] - MARGIN >= lam and limit[-1] - MARGIN < self.slave.length:
+            if limit[0] - LIMIT_MARGIN >= lam and limit[-1] - LIMIT_MARGIN < self.slave.length:
                 # the limit never falls: no use in creeping up to where it ends
                 raise self._refusal(most * self.period, masters)
-            found = self._intervals(lam, mu, limit - MARGIN, most, record=record)
+            found = self._intervals(lam, mu, limit - LIMIT_MARGIN, most, record=record)
             if isinstance(found, int):
                 raise self._refusal(found * self.period, masters)
             still = above(np.append(found[0], 1.0), first)
@@ -332,7 +322,7 @@ class VelocityControl:
         counts = np.zeros(4)
         history = np.empty((most if record else 0, 4))
         steps = int(control_intervals(
-            self.slave.rows, self.slave.edges, state, commands, self.mode == "speed", self.period, self.checks,
+            self.slave.edges.steps, state, commands, self.mode == "speed", self.period, self.checks,
             limit, counts, history,
         ))  # fmt: skip
         return -1 - steps if steps < 0 else (commands[:steps].copy(), counts, history)
@@ -390,16 +380,14 @@ class VelocityControl:
         slave, by_speed = self.slave, self.mode == "speed"
         if not any(regions.any() for regions in live):
             return command
-        limit = np.min(limits, axis=0) - MARGIN
-        as_wanted = stays_behind(
-            slave.rows, slave.edges, lam, mu, command, -1.0, by_speed, self.period, self.checks, limit
-        )
+        limit = np.min(limits, axis=0) - LIMIT_MARGIN
+        as_wanted = stays_behind(slave.edges.steps, lam, mu, command, -1.0, by_speed, self.period, self.checks, limit)
         if as_wanted:
             return command
         if self._can_leave(lam, mu, masters, column, live):
             return 1.0
-        loose = limit + ROUNDING * slave.length
-        if not stays_behind(slave.rows, slave.edges, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
+        loose = limit + PLACE_ROUNDING_SHARE * slave.length
+        if not stays_behind(slave.edges.steps, lam, mu, 0.0, -1.0, by_speed, self.period, self.checks, loose):
             if limit.min() >= 0.0:
                 return 0.0  # a hair too far: stop
             # nowhere to wait in some regions: as planned there, and behind the masters in all others
@@ -407,10 +395,8 @@ class VelocityControl:
                 regions.limit(below & (regions.closure[:, at[0]] >= 0.0), at)
                 for regions, below, at in zip(self._regions, live, column, strict=True)
             ]
-            limit = np.min(limits, axis=0) - MARGIN
-        return float(
-            largest_behind(slave.rows, slave.edges, lam, mu, command, by_speed, self.period, self.checks, limit)
-        )
+            limit = np.min(limits, axis=0) - LIMIT_MARGIN
+        return float(largest_behind(slave.edges.steps, lam, mu, command, by_speed, self.period, self.checks, limit))
 
     def _can_leave(
         self,
@@ -435,8 +421,8 @@ class VelocityControl:
             below[m][k] = False
             limit = np.min([r.limit(b, c) for r, b, c in zip(self._regions, below, braking, strict=True)], axis=0)
             if stays_behind(
-                slave.rows, slave.edges, lam, mu, 1.0, end, self.mode == "speed", self.period, self.checks,
-                limit - MARGIN,
+                slave.edges.steps, lam, mu, 1.0, end, self.mode == "speed", self.period, self.checks,
+                limit - LIMIT_MARGIN,
             ):  # fmt: skip
                 return True
         return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from armtempo.planners.geometry._cartesian_path import (
-    NOTHING,
+    SEGMENT_LENGTH_MIN,
     TANGENT_TOLERANCE,
     Arc,
     CartesianPath,
@@ -23,7 +23,7 @@ __all__ = [
     "JointMotion",
     "Line",
     "Motion",
-    "NOTHING",
+    "SEGMENT_LENGTH_MIN",
     "PoseTarget",
     "RangeMax",
     "Segment",

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats
 from armtempo.errors import InputError, PathError
 
-NOTHING = 1e-9  # [m] a segment that is shorter is none
-FLAT = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
+SEGMENT_LENGTH_MIN = 1e-9  # [m] a segment that is shorter is none
+ARC_FLATNESS_MIN = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
 TANGENT_TOLERANCE = 1e-6  # [rad] largest corner that passes for a smooth joint (rounded coordinates in a cell file)
 
 
@@ -50,8 +50,8 @@ def floats(value: ArrayLike, name: str) -> Floats:
 
 def _checked_part(low: float, high: float, length: float) -> None:
     """Refuse a piece that is empty, runs backwards or leaves its segment."""
-    slack = NOTHING * max(length, 1.0)
-    if not (-slack <= low and low + NOTHING <= high <= length + slack):
+    slack = SEGMENT_LENGTH_MIN * max(length, 1.0)
+    if not (-slack <= low and low + SEGMENT_LENGTH_MIN <= high <= length + slack):
         raise PathError(f"the piece {low!r} .. {high!r} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high")
 
 
@@ -79,7 +79,7 @@ class Line:
         object.__setattr__(self, "start", _point(self.start, "start of a line"))
         object.__setattr__(self, "end", _point(self.end, "end of a line"))
         object.__setattr__(self, "length", float(np.linalg.norm(self.end - self.start)))
-        if self.length < NOTHING:
+        if self.length < SEGMENT_LENGTH_MIN:
             raise PathError(f"line from {self.start.tolist()} has no length", remedy="move its end or drop it")
 
     def evaluate(self, s: ArrayLike) -> tuple[Floats, Floats, Floats]:
@@ -134,7 +134,7 @@ class Arc:
         a, b = self.start - self.center, self.end - self.center
         radius = float(np.linalg.norm(a))
         rounding = max(1e-6 * radius, min(2e-6, 1e-3 * radius))  # coordinates to the micrometre, unless tiny
-        if radius < NOTHING or abs(float(np.linalg.norm(b)) - radius) > rounding:
+        if radius < SEGMENT_LENGTH_MIN or abs(float(np.linalg.norm(b)) - radius) > rounding:
             raise PathError(
                 f"arc centre {self.center.tolist()} is {radius:.6g} m from its start but "
                 f"{float(np.linalg.norm(b)):.6g} m from its end",
@@ -153,7 +153,7 @@ class Arc:
             raise PathError("the normal of an arc must be perpendicular to both its radii")
         y_axis = np.cross(normal, x_axis)
         angle = math.atan2(float(b @ y_axis), float(b @ x_axis)) % (2.0 * math.pi)
-        if radius * min(angle, 2.0 * math.pi - angle) < NOTHING:  # rounding makes a whole turn of none
+        if radius * min(angle, 2.0 * math.pi - angle) < SEGMENT_LENGTH_MIN:  # rounding makes a whole turn of none
             raise PathError(f"arc about {self.center.tolist()} has no length", remedy="move its end or drop it")
         axes = np.stack([x_axis, y_axis])
         axes.setflags(write=False)
@@ -180,7 +180,7 @@ class Arc:
         normal = np.cross(u, v)
         area = float(normal @ normal)
         sides = [float(np.linalg.norm(side)) for side in (u, v, c - b)]
-        if math.sqrt(area) * max(sides) < FLAT * math.prod(sides):  # the largest over the circle's diameter
+        if math.sqrt(area) * max(sides) < ARC_FLATNESS_MIN * math.prod(sides):  # the largest over the circle's diameter
             raise PathError(
                 f"the arc's points {a.tolist()}, {b.tolist()}, {c.tolist()} lie on one line, or nearly",
                 remedy="use a Line, or move the middle point off it",

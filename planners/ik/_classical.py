@@ -16,15 +16,15 @@ from scipy.spatial.transform import Rotation
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
 from armtempo.planners.geometry import PoseTarget, floats
-from armtempo.planners.ik import _kernels_all as loops
+from armtempo.planners.ik import _law as loops
 from armtempo.planners.ik._feedback import FeedbackIK, IKBounds, IKGains, IKRun, TaskName
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 from armtempo.robots import Arm, ArmModel, njit
 
 __all__ = ["ClosedFormIK", "NewtonIK", "ResolvedRateIK"]
 
-CONVERGED = 1e-13  # scaled error
-PATIENCE = 100
+NEWTON_ERROR_MAX = 1e-13  # scaled error
+NEWTON_STEPS_MAX = 100
 
 
 @final
@@ -211,15 +211,15 @@ def _finished(arm: Arm, target: PoseTarget, q: Floats, flags: Ints) -> IKRun:
 def _moved(law: loops.Law, w: loops.Scratch, x: Floats, q: Floats) -> float:
     """Adds J^# x to q, the Jacobian being in w.J; the size of the scaled x within the task."""
     m, n = w.A.shape
-    loops.scaled(law, w)
+    loops.scale_jacobian(law, w)
     size = 0.0
-    loops.asked(law.task, law.length, x, w.y)
+    loops.task_part(law.task, law.length, x, w.y)
     for i in range(m):
         w.z[i] = 0.0
         size += w.y[i] * w.y[i]
     for k in range(n):
         w.free[k] = True
-    loops.inverse(w, law.damping, np.inf, 0.0)
+    loops.damped_inverse(w, law.damping, np.inf, 0.0)
     for k in range(n):
         for i in range(m):
             q[k] += w.A[i, k] * w.y[i]
@@ -235,7 +235,7 @@ def _newton(
     for k in range(1, q.shape[0]):
         q[k] = q[k - 1]
         size, count = np.inf, 0
-        while count < (iterations if iterations > 0 else PATIENCE):
+        while count < (iterations if iterations > 0 else NEWTON_STEPS_MAX):
             loops.tip_and_jacobian(model, q[k], w)
             loops.feedback_turning(law, w, rotation[k])
             for r in range(3):
@@ -243,7 +243,7 @@ def _newton(
             before = size
             size = _moved(law, w, w.x, q[k])
             count += 1
-            if iterations == 0 and (size <= CONVERGED or (size < 1e-9 and size >= 0.5 * before)):
+            if iterations == 0 and (size <= NEWTON_ERROR_MAX or (size < 1e-9 and size >= 0.5 * before)):
                 break  # the second: as far as rounding lets it
         if iterations == 0 and size >= 1e-9:
             flags[k] |= loops.UNREACHED

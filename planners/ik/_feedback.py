@@ -11,19 +11,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, final
+from typing import Literal, TypedDict, Unpack, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError, RobotError
+from armtempo.errors import InputError, RobotError, check_keywords
 from armtempo.planners.geometry import PoseTarget, floats
-from armtempo.planners.ik import _kernels_all as loops
+from armtempo.planners.ik._law import Law, Targets, law_at
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
-from armtempo.robots import Arm
+from armtempo.planners.ik._track import track_many
+from armtempo.robots import Arm, ArmModel
 
-__all__ = ["INTEGRATORS", "FeedbackIK", "IKBounds", "IKGains", "IKRun", "Integrator", "TaskName", "ranges_near_zero"]
+__all__ = [
+    "INTEGRATORS",
+    "FeedbackIK",
+    "IKBounds",
+    "IKCaps",
+    "IKGains",
+    "IKRun",
+    "Integrator",
+    "TaskName",
+    "ranges_near_zero",
+]
 
 Integrator = Literal["euler", "heun", "rk4"]
 TaskName = Literal["auto", "pose", "position"]
@@ -43,6 +54,39 @@ class IKGains:
             value = floats(getattr(self, name), f"gain {name}")
             if value.shape or not 0.0 < value < np.inf:
                 raise InputError(f"gain {name} = {getattr(self, name)}", remedy="give a gain > 0")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class IKCaps:
+    """What keeps speeds finite: see ``FeedbackIK``."""
+
+    damping: float = 0.02
+    """Singular value of the scaled Jacobian below which it is damped; in (0, 1)."""
+    linear_speed_max: float = np.inf
+    """[m/s]."""
+    angular_speed_max: float = np.inf
+    """[rad/s]."""
+    joint_speed_max: ArrayLike | None = None
+    """(n,) [rad/s or m/s]; None: the arm's."""
+
+    def __post_init__(self) -> None:
+        for name in ("damping", "linear_speed_max", "angular_speed_max"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise InputError(f"{name} = {value}", remedy="give a number > 0")
+        if self.damping >= 1.0:
+            raise InputError(f"damping = {self.damping}", remedy="give a damping < 1")
+        if self.joint_speed_max is not None and (floats(self.joint_speed_max, "joint_speed_max") <= 0.0).any():
+            raise InputError("joint_speed_max is not > 0", remedy="give speeds > 0")
+
+
+class IKCapKeywords(TypedDict, total=False):
+    """``IKCaps`` as keywords."""
+
+    damping: float
+    linear_speed_max: float
+    angular_speed_max: float
+    joint_speed_max: ArrayLike | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -157,13 +201,12 @@ class FeedbackIK:
             ``SphericalWristIK`` knows; targets stay the tip's. Turning the tool then leaves the first three joints
             alone. Position errors and bounds are the centre's: the tip is off by 2 |r| sin(angle / 2) more at most,
             with the angle of the whole rotation. The same thing where the tip is the centre.
-        damping: Singular value of the scaled Jacobian below which it is damped; > 0.
-        linear_speed_max: [m/s].
-        angular_speed_max: [rad/s].
-        joint_speed_max: (n,) [rad/s or m/s]; the arm's by default.
         posture: (n,) [rad or m] that spare joints are drawn to; the middle of their ranges by default (without one,
             what is nearest to zero).
         posture_gain: [1/s]; 0: none. It acts where the arm has more joints than the task has rows.
+        **caps: ``damping`` (0.02): singular value of the scaled Jacobian below which it is damped, in (0, 1).
+            ``linear_speed_max`` [m/s], ``angular_speed_max`` [rad/s]: none by default.
+            ``joint_speed_max`` (n,) [rad/s or m/s]: the arm's by default.
 
     Attributes:
         task: (m, 6) orthonormal rows of what is controlled.
@@ -172,6 +215,7 @@ class FeedbackIK:
 
     Raises:
         InputError: A number that cannot be used; the message names it.
+        UnknownNameError: There is no such keyword; the message names the nearest one.
         RobotError: ``wrist``, and the arm has no spherical one; a joint slides without limits behind one that turns.
     """
 
@@ -184,74 +228,50 @@ class FeedbackIK:
         feed_forward: bool = True,
         task: TaskName | ArrayLike = "auto",
         point: Literal["tip", "wrist"] = "tip",
-        damping: float = 0.02,
-        linear_speed_max: float = np.inf,
-        angular_speed_max: float = np.inf,
-        joint_speed_max: ArrayLike | None = None,
         posture: ArrayLike | None = None,
         posture_gain: float = 1.0,
+        **caps: Unpack[IKCapKeywords],
     ) -> None:
-        self.arm = arm
-        self.gains = gains or IKGains()
-        for name, value in (("damping", damping), ("linear_speed_max", linear_speed_max)):
-            if not value > 0.0:
-                raise InputError(f"{name} = {value}", remedy="give a number > 0")
-        if not angular_speed_max > 0.0 or not 0.0 <= posture_gain < np.inf or damping >= 1.0:
-            raise InputError(
-                f"angular_speed_max = {angular_speed_max}, posture_gain = {posture_gain}, damping = {damping}",
-                remedy="give a cap > 0, a gain >= 0, a damping < 1",
-            )
+        check_keywords(FeedbackIK, caps, IKCapKeywords.__annotations__)
+        limits = IKCaps(**caps)
+        if not 0.0 <= posture_gain < np.inf:
+            raise InputError(f"posture_gain = {posture_gain}", remedy="give a gain >= 0")
         if error not in ("axes", "quaternion"):
             raise InputError(f"error {error!r}", remedy="use 'axes' or 'quaternion'")
-        speed = self._joints(arm.speed_max if joint_speed_max is None else joint_speed_max, "joint_speed_max")
-        if not (speed > 0.0).all():
-            raise InputError("joint_speed_max is not > 0", remedy="give speeds > 0")
-        low, high = arm.position_min, arm.position_max
-        finite = np.isfinite(low) & np.isfinite(high)
-        middle = np.clip(0.5 * (np.where(finite, low, 0.0) + np.where(finite, high, 0.0)), low, high)
-        rest = self._joints(middle if posture is None else posture, "posture")
-        if not np.isfinite(rest).all():
-            raise InputError(f"posture {rest} is not finite", remedy="give finite joint positions")
         if point not in ("tip", "wrist"):
             raise InputError(f"point {point!r}", remedy="use 'tip' or 'wrist'")
+        self.arm = arm
+        self.gains = gains or IKGains()
         self._offset = SphericalWristIK(arm).wrist_in_tip if point == "wrist" else np.zeros(3)
         tip = arm.model.tip_p + arm.model.tip_R @ self._offset
         tip.setflags(write=False)  # as the arm's own: the loops are compiled once only
-        model = self._model = arm.model._replace(tip_p=tip)
-        steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
-        extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
-        steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
-        beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
-        levers = np.where(model.prismatic, 1.0, beyond)
-        turning = ~model.prismatic
-        self.length = float(beyond[turning].max()) if turning.any() else 1.0
-        if not np.isfinite(self.length):
-            raise RobotError(
-                f"arm {arm.name!r} has no reach: a joint slides without limits behind one that turns",
-                remedy="give the sliding joint position limits",
-                element=arm.name,
-            )
-        linear, angular = _reach_of(arm)
-        self.task = _task(arm, task, linear, angular)
-        spare = arm.dof > len(self.task)
-        self.law = loops.Law(
-            float(self.gains.position),
-            float(self.gains.approach),
-            float(self.gains.normal),
-            error == "quaternion",
-            bool(feed_forward),
-            self.task,
-            self.length,
-            float(damping),
-            float(speed[turning].min()) if turning.any() else np.inf,
-            float(linear_speed_max),
-            float(angular_speed_max),
-            speed,
-            arm.position_min,
-            arm.position_max,
-            rest,
-            float(posture_gain) if spare else 0.0,
-            levers,
+        self._model = arm.model._replace(tip_p=tip)
+        levers, self.length = _levers_of(arm, self._model)
+        self.task = _task(arm, task)
+        rest = self._joints(_middle_of(arm) if posture is None else posture, "posture")
+        if not np.isfinite(rest).all():
+            raise InputError(f"posture {rest} is not finite", remedy="give finite joint positions")
+        given = limits.joint_speed_max
+        speed = self._joints(arm.speed_max if given is None else given, "joint_speed_max")
+        turning = ~arm.model.prismatic
+        self.law = Law(
+            position_gain=float(self.gains.position),
+            approach_gain=float(self.gains.approach),
+            normal_gain=float(self.gains.normal),
+            quaternion=error == "quaternion",
+            feed_forward=bool(feed_forward),
+            task=self.task,
+            length=self.length,
+            damping=float(limits.damping),
+            pull_max=float(speed[turning].min()) if turning.any() else np.inf,
+            linear_max=float(limits.linear_speed_max),
+            angular_max=float(limits.angular_speed_max),
+            speed_max=speed,
+            position_min=arm.position_min,
+            position_max=arm.position_max,
+            posture=rest,
+            posture_gain=float(posture_gain) if arm.dof > len(self.task) else 0.0,
+            levers=levers,
         )
 
     def singular_value(self, q: ArrayLike) -> Floats:
@@ -313,19 +333,19 @@ class FeedbackIK:
         if differentiated:
             law = law._replace(feed_forward=False)
         targets = [self._of_point(t) for t in targets]
-        samples = loops.Targets(
-            np.stack([t.position for t in targets]),
-            np.stack([t.rotation for t in targets]),
-            np.stack([t.velocity for t in targets]),
-            np.stack([t.angular_velocity for t in targets]),
-            2,
-            h,
+        samples = Targets(
+            position=np.stack([t.position for t in targets]),
+            rotation=np.stack([t.rotation for t in targets]),
+            velocity=np.stack([t.velocity for t in targets]),
+            angular_velocity=np.stack([t.angular_velocity for t in targets]),
+            stride=2,
+            step=h,
         )
         lead = (len(targets), (len(targets[0].position) + 1) // 2)
         q, qd, flags = np.empty((*lead, arm.dof)), np.empty((*lead, arm.dof)), np.zeros(lead, dtype=np.int64)
         errors, bounds = np.empty((*lead, 3)), np.empty((*lead, 4))
         q[:, 0] = first
-        loops.track_many(self._model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
+        track_many(self._model, law, INTEGRATORS.index(integrator), samples, q, qd, errors, bounds, flags)
         for array in (q, qd, errors, bounds, flags):
             array.setflags(write=False)
         return tuple(
@@ -378,11 +398,11 @@ class FeedbackIK:
         if self._offset.any():
             p, v = p + R @ self._offset, v + np.cross(w, R @ self._offset)
         qd = np.empty(self.arm.dof)
-        flags = loops.law_at(self._model, law, q.copy(), loops.Targets(p, R, v, w, 2, target.step), 0, qd)
-        return qd, int(flags)
+        here = Targets(position=p, rotation=R, velocity=v, angular_velocity=w, stride=2, step=target.step)
+        return qd, int(law_at(self._model, law, q.copy(), here, 0, qd))
 
 
-def _bounds(law: loops.Law, target: PoseTarget, bounds: Floats) -> IKBounds:
+def _bounds(law: Law, target: PoseTarget, bounds: Floats) -> IKBounds:
     v = w = 0.0
     if not law.feed_forward:  # rates between the rows: from a row at most a quarter of a step away
         v, w = (float(np.linalg.norm(rate, axis=1).max()) for rate in (target.velocity, target.angular_velocity))
@@ -402,7 +422,7 @@ def _bounds(law: loops.Law, target: PoseTarget, bounds: Floats) -> IKBounds:
     )
 
 
-def _ultimate(law: loops.Law, w: float, *, whole: bool) -> float:
+def _ultimate(law: Law, w: float, *, whole: bool) -> float:
     """Where ``d' = -K sin d + cross (1 - cos d) + w`` comes to rest [rad]; pi: nowhere."""
     if law.quaternion:
         return 2 * float(np.arcsin(0.5 * w / law.approach_gain)) if w <= 2 * law.approach_gain else np.pi
@@ -434,13 +454,42 @@ def _span(columns: Floats) -> Floats:
     return np.eye(3) if rank == 3 else np.asarray(U[:, :rank].T)
 
 
-def _task(arm: Arm, task: TaskName | ArrayLike, linear: Floats, angular: Floats) -> Floats:
+def _middle_of(arm: Arm) -> Floats:
+    """(n,) of the joints' ranges; of those without one, what is nearest to zero."""
+    low, high = arm.position_min, arm.position_max
+    finite = np.isfinite(low) & np.isfinite(high)
+    return np.clip(0.5 * (np.where(finite, low, 0.0) + np.where(finite, high, 0.0)), low, high)
+
+
+def _levers_of(arm: Arm, model: ArmModel) -> tuple[Floats, float]:
+    """(n,) how far a unit of each joint moves the model's tip at most [m]; its reach: the longest of turning joints.
+
+    Raises:
+        RobotError: A joint slides without limits behind one that turns.
+    """
+    steps = np.linalg.norm(np.vstack([model.placement_p[1:], model.tip_p]), axis=1)
+    extent = np.maximum(np.abs(arm.position_min), np.abs(arm.position_max))
+    steps[:-1] += np.where(model.prismatic[1:], extent[1:], 0.0)
+    beyond = np.cumsum(steps[::-1])[::-1]  # from each joint to the tip, at most
+    turning = ~model.prismatic
+    reach = float(beyond[turning].max()) if turning.any() else 1.0
+    if not np.isfinite(reach):
+        raise RobotError(
+            f"arm {arm.name!r} has no reach: a joint slides without limits behind one that turns",
+            remedy="give the sliding joint position limits",
+            element=arm.name,
+        )
+    return np.where(model.prismatic, 1.0, beyond), reach
+
+
+def _task(arm: Arm, task: TaskName | ArrayLike) -> Floats:
     """(m, 6) orthonormal rows."""
     if isinstance(task, str):
         if task not in ("auto", "pose", "position"):
             raise InputError(f"task {task!r}", remedy="use 'auto', 'pose', 'position' or (m, 6) rows")
         rows = np.eye(6)[: 3 if task == "position" else 6]
         if task == "auto":
+            linear, angular = _reach_of(arm)
             if len(linear) + len(angular) > arm.dof:
                 angular = angular[:0]
             rows = np.zeros((len(linear) + len(angular), 6))

@@ -18,7 +18,7 @@ from armtempo.robots import Arm
 
 __all__ = ["SphericalWristIK"]
 
-STRAIGHT = 1e-9  # axes that miss each other, or right angles, by less are exact [m, rad]
+GEOMETRY_TOLERANCE = 1e-9  # axes that miss each other, or right angles, by less are exact [m, rad]
 
 
 @final
@@ -44,17 +44,17 @@ class SphericalWristIK:
         poses, tip = arm.link_poses(zero), arm.tip_pose(zero)
         z = np.einsum("jab,jb->ja", poses[:, :3, :3], arm.model.axis)
         p = poses[:, :3, 3]
-        if np.linalg.norm(np.cross(z[1], z[2])) > STRAIGHT:
+        if np.linalg.norm(np.cross(z[1], z[2])) > GEOMETRY_TOLERANCE:
             raise _other(arm, "the axes of its second and third joint are not parallel")
         if np.linalg.norm(np.cross(z[0], z[1])) < 1e-3:
             raise _other(arm, "the axes of its first and second joint are parallel")
-        if max(abs(z[3] @ z[4]), abs(z[4] @ z[5])) > STRAIGHT:
+        if max(abs(z[3] @ z[4]), abs(z[4] @ z[5])) > GEOMETRY_TOLERANCE:
             raise _other(arm, "the axes of its wrist are not at right angles")
         # Where axes 4 and 5 meet; axis 6 has to pass through it.
         along = np.linalg.lstsq(np.stack([z[3], -z[4]], axis=1), p[4] - p[3], rcond=None)[0]
         wrist = p[3] + along[0] * z[3]
         off = [np.linalg.norm(np.cross(wrist - p[j], z[j])) for j in (4, 5)]
-        if max(off) > STRAIGHT:
+        if max(off) > GEOMETRY_TOLERANCE:
             raise _other(arm, f"the axes of its wrist miss each other by {max(off):.3g} m")
         self._z, self._p, self._wrist = z, p, wrist
         self._tip = tip
@@ -64,7 +64,7 @@ class SphericalWristIK:
         self._upper, self._fore = p[2] - p[1], wrist - p[2]
         self._plane = [v - z[1] * (z[1] @ v) for v in (self._upper, self._fore)]
         self._lengths = [float(np.linalg.norm(v)) for v in self._plane]
-        if min(self._lengths) < STRAIGHT:
+        if min(self._lengths) < GEOMETRY_TOLERANCE:
             raise _other(arm, "its upper arm or its forearm has no length")
         self._elbow_zero = _angle(z[1], self._plane[0], self._plane[1])
         self._bend_zero = float(_angle(z[4], z[3], z[5]))

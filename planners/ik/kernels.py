@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.planners.ik._kernels_all import LIMIT, Law, Scratch, Targets, law_within, scratch, tip_and_jacobian
+from armtempo.planners.ik._law import LIMIT, Law, Scratch, Targets, law_within, scaled, scratch, tip_and_jacobian
 
 __all__ = [
     "LIMIT",
@@ -10,6 +10,7 @@ __all__ = [
     "Scratch",
     "Targets",
     "law_within",
+    "scaled",
     "scratch",
     "tip_and_jacobian",
 ]

@@ -12,7 +12,7 @@ from armtempo.planners.instances._generator import (
     generate_cell,
     label_cell,
 )
-from armtempo.planners.instances._instance_file import PLANNED, Instance, load_instance, save_instance
+from armtempo.planners.instances._instance_file import PLANNED_METHODS, Instance, load_instance, save_instance
 
 __all__ = [
     "BenchResult",
@@ -22,7 +22,7 @@ __all__ = [
     "FAMILIES",
     "GeneratedCell",
     "Instance",
-    "PLANNED",
+    "PLANNED_METHODS",
     "SPLITS",
     "bench_cell",
     "bench_claims",

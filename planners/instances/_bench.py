@@ -16,10 +16,11 @@ from armtempo.planners.cells import CoordinationCell
 from armtempo.planners.instances._generator import CellLabels
 from armtempo.planners.schedules import Engine, Schedule, audit_clearance, schedule
 
-ORDERED = ("constant-speed", "constant-acceleration", "delay", "vci", "offset", "interval")  # look at one order only
-EXCESS = 1e-3  # share of a limit that plans may exceed between stations
+# They look at one order only.
+ONE_ORDER_METHODS = ("constant-speed", "constant-acceleration", "delay", "vci", "offset", "interval")
+PLAN_EXCESS_SHARE = 1e-3  # share of a limit that plans may exceed between stations
 REFUSALS = ("certified infeasible", "undecided", "not holdable")  # what ``optimal`` may say
-SLACK = 0.1  # [%] of gap below zero that rounding explains
+GAP_SLACK_PERCENT = 0.1  # of gap below zero that rounding explains
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +100,7 @@ def bench_cell(
         cell.timing.runs(i, j)  # kept for all methods: whichever came first would pay for it
     results = []
     for method in methods:
-        both = len(cell.arms) == 2 and method in ORDERED
+        both = len(cell.arms) == 2 and method in ONE_ORDER_METHODS
         orders = list(permutations(range(2))) if both else [tuple(range(len(cell.arms)))]
         found: dict[tuple[int, ...], Schedule | None] = {}
         reason = ""
@@ -146,7 +147,7 @@ def _audit(plan: Schedule, engine: Engine | None) -> tuple[tuple[str, ...], floa
         "speed": max(m.speed_ratio_max for m in motions),
         "acceleration": max(m.acceleration_ratio_max for m in motions),
     }
-    found += [name for name, ratio in ratios.items() if ratio > 1.0 + EXCESS]
+    found += [name for name, ratio in ratios.items() if ratio > 1.0 + PLAN_EXCESS_SHARE]
     found += ["end"] if max(m.end_error for m in motions) > 1e-9 else []
     return tuple(found), clearance
 
@@ -190,7 +191,10 @@ def _of_all(results: Sequence[BenchResult]) -> list[Claim]:
         ),
         _claim(
             "makespan >= bound",
-            (f"{r.cell}, {r.method}: {r.gap_percent:.3f} %" if r.gap_percent < -SLACK else "" for r in solved),
+            (
+                f"{r.cell}, {r.method}: {r.gap_percent:.3f} %" if r.gap_percent < -GAP_SLACK_PERCENT else ""
+                for r in solved
+            ),
         ),
         _claim(
             "what is certified infeasible is solved by nobody",

@@ -82,7 +82,7 @@ def kind_of(labels: CellLabels) -> str:
     return labels.priority_class if labels.status == "feasible" and labels.priority_class in KINDS else "other"
 
 
-SEED = 1991
+SET_SEED = 1991
 QUOTAS: Mapping[str, Mapping[str, int]] = {
     "planar": {"mixed": 24, "uniform": 24, "other": 12},
     "panda": {"mixed": 8, "uniform": 4, "other": 4},
@@ -102,14 +102,14 @@ def draw_benchmark(family: str, report: Callable[[str], None] = lambda _: None) 
     for index in itertools.count():
         if all(count[kind] >= quota for kind, quota in quotas.items()):
             return
-        generated = generate_cell(family, SEED, index)
+        generated = generate_cell(family, SET_SEED, index)
         kind = kind_of(generated.labels)
         keep = count[kind] < quotas[kind]
         report(f"{generated.data['name']}: {kind}{'' if keep else ', not kept'}")
         if keep:
             yield BenchmarkInstance(
                 family=family,
-                seed=SEED,
+                seed=SET_SEED,
                 index=index,
                 split=split_of(count[kind]),
                 data=generated.data,

@@ -26,10 +26,10 @@ from armtempo.planners.coordination import PriorityClass, optimal, pair_is_free
 Status = Literal["feasible", "certified infeasible", "undecided"]
 
 MOST_DRAWS = 400  # before an instance is given up
-LINKS = (0.37, 0.23)  # [m] of the planar arm
+PLANAR_LINKS = (0.37, 0.23)  # [m] of the planar arm
 VERTICAL_SHARE = 0.2  # of planar cells: gravity lies in the plane of motion
 FRICTION_SHARE = 0.3  # of planar cells: viscous friction
-DIGITS = 4  # of drawn numbers, so that files of them stay short
+DRAWN_DIGITS = 4  # of drawn numbers, so that files of them stay short
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,12 +244,12 @@ def _well_posed(cell: CoordinationCell) -> bool:
 
 
 def _numbers(values: Any) -> list[float]:
-    return [round(float(value), DIGITS) + 0.0 for value in values]
+    return [round(float(value), DRAWN_DIGITS) + 0.0 for value in values]
 
 
 def _ring(generator: np.random.Generator, arms: int) -> dict[str, Any]:
     """Planar arms on a circle so wide that a forearm gets past its neighbours' upper arms."""
-    least = max(0.58, LINKS[0] + 1.17 * LINKS[1] / (2.0 * math.sin(math.pi / arms)))
+    least = max(0.58, PLANAR_LINKS[0] + 1.17 * PLANAR_LINKS[1] / (2.0 * math.sin(math.pi / arms)))
     return _planar(generator, arms, least + generator.uniform(0.0, 0.02))
 
 
@@ -263,7 +263,7 @@ def _planar(generator: np.random.Generator, arms: int, ring: float | None = None
     for k in range(arms):
         angle = math.tau * k / arms + math.pi
         base = _numbers([ring * math.cos(angle), ring * math.sin(angle), 0.0])
-        toward = round(math.remainder(angle + math.pi, math.tau), DIGITS) + 0.0
+        toward = round(math.remainder(angle + math.pi, math.tau), DRAWN_DIGITS) + 0.0
         entry: dict[str, Any] = {
             "name": f"arm_{k + 1}",
             "urdf": "planar_two_link.urdf",
@@ -302,12 +302,12 @@ def _through_the_middle(generator: np.random.Generator) -> Floats:
 
 def _planar_segment(generator: np.random.Generator, base: Any, toward: float) -> dict[str, Any]:
     """A line or an arc between two points within reach, on the side of the middle."""
-    ways = generator.uniform(0.45, 0.97, size=2) * sum(LINKS)
+    ways = generator.uniform(0.45, 0.97, size=2) * sum(PLANAR_LINKS)
     sides = toward + generator.uniform(-1.4, 1.4, size=2)
     start, end = (
         base + way * np.array([math.cos(side), math.sin(side)]) for way, side in zip(ways, sides, strict=True)
     )
-    start, end = np.round(start, DIGITS), np.round(end, DIGITS)
+    start, end = np.round(start, DRAWN_DIGITS), np.round(end, DRAWN_DIGITS)
     segment: dict[str, Any] = {"line": {"to_m": [*map(float, end), 0.0]}}
     if generator.random() < 0.5:
         across = np.array([start[1] - end[1], end[0] - start[0]])

@@ -26,8 +26,8 @@ from armtempo.planners.coordination import Motions, TimingProblem, delayed, offs
 from armtempo.planners.instances._generator import CellLabels
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory
 
-VERSION = 1
-PLANNED = ("delay", "offset", "vci", "interval", "optimal")
+FILE_VERSION = 1
+PLANNED_METHODS = ("delay", "offset", "vci", "interval", "optimal")
 COEFFICIENTS = ("grid", "M", "Q", "R", "S", "torque_min", "torque_max", "speed_max")
 
 
@@ -68,13 +68,13 @@ class Instance:
         )
 
     def plan(self, method: str, *, order: Sequence[int] | None = None) -> Motions:
-        """Motions of all arms by one of ``PLANNED``, as they leave the planner.
+        """Motions of all arms by one of ``PLANNED_METHODS``, as they leave the planner.
 
         ``schedule`` certifies these motions on the cell's joints, and gives up a ``vci`` plan that fails for one by
         ``interval``; here are no joints to certify, and ``vci`` stands as it is.
 
         Args:
-            method: One of ``PLANNED``.
+            method: One of ``PLANNED_METHODS``.
             order: Arms by priority, by default as in the cell; ``optimal`` finds its own.
 
         Raises:
@@ -98,7 +98,7 @@ class Instance:
             return plan_vci(self.timing.planes, self.timing.chart_between, order, self.control_period)[0]
         if method == "optimal":
             return optimal(self.timing)[0]
-        raise UnknownNameError("method", method, PLANNED)
+        raise UnknownNameError("method", method, PLANNED_METHODS)
 
 
 def pack_states(states: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -125,7 +125,7 @@ def save_instance(file: Path, cell: CoordinationCell, labels: CellLabels, *, fam
             arrays[f"{kind}_{i}_{j}"] = pack_states(chart.states)
             arrays[f"{kind}_{i}_{j}_shape"] = [chart.resolution, chart.length_a, chart.length_b, chart.d_min]
     head = {
-        "version": VERSION,
+        "version": FILE_VERSION,
         "name": cell.name,
         "family": family,
         "arms": [arm.name for arm in cell.arms],
@@ -154,8 +154,8 @@ def load_instance(file: str | Path) -> Instance:
         version = head["version"]
     except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: is no instance: {error!r}", remedy=remedy) from error
-    if version != VERSION:
-        raise InputError(f"{path}: version {version}, this reads {VERSION}", remedy="generate it again")
+    if version != FILE_VERSION:
+        raise InputError(f"{path}: version {version}, this reads {FILE_VERSION}", remedy="generate it again")
     try:
         return _instance(head, arrays)
     except (KeyError, TypeError, ValueError) as error:
@@ -165,8 +165,7 @@ def load_instance(file: str | Path) -> Instance:
 def _instance(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Instance:
     planes, motions = [], []
     for i, mu_end in enumerate(head["mu_end"]):
-        dynamics = PathDynamics(*(arrays[f"arm{i}_{name}"] for name in COEFFICIENTS))
-        dynamics.joints = head["joints"][i]
+        dynamics = PathDynamics(*(arrays[f"arm{i}_{name}"] for name in COEFFICIENTS)).with_joints(head["joints"][i])
         planes.append(PhasePlane(dynamics, mu_end))
         lam, mu, time = (arrays[f"arm{i}_bound_{name}"] for name in ("lam", "mu", "time"))
         bound = PhaseTrajectory(lam=lam, mu=mu, time=time, dynamics=dynamics, mu_end=mu_end)

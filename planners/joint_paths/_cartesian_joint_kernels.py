@@ -23,13 +23,14 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.ik.kernels import Scratch as ArmScratch
 from armtempo.planners.ik.kernels import scratch as arm_scratch
 from armtempo.planners.ik.kernels import tip_and_jacobian
-from armtempo.robots import ArmModel, njit
+from armtempo.robots import ArmModel, inlined, njit
+from armtempo.robots.kernels import invert
 
 __all__ = ["Reference", "Scratch", "follow", "scratch", "speed_bounds"]
 
-NEWTON = 20  # iterations at most
-NOTHING = 1e-12  # [rad, m] a step of this size is the last, and
-SMALL = 1e-8  # one of this size is the last but one, whatever rounding does next to a singularity
+NEWTON_STEPS_MAX = 20
+LAST_STEP = 1e-12  # [rad, m] a step of this size is the last, and
+LAST_STEP_BUT_ONE = 1e-8  # one of this size is the last but one, whatever rounding does next to a singularity
 
 
 class Reference(NamedTuple):
@@ -54,7 +55,7 @@ class Scratch(NamedTuple):
 @njit
 def scratch(n: int) -> Scratch:
     """Room for one arm of n joints."""
-    return Scratch(np.empty(n), arm_scratch(n, 0), np.empty((n, n)), np.empty((n, n)))
+    return Scratch(q=np.empty(n), arm=arm_scratch(n, 0), A=np.empty((n, n)), B=np.empty((n, n)))
 
 
 @njit
@@ -91,34 +92,6 @@ def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
             w.A[i, k] = value
         for i in range(m, n):
             w.A[i, k] = null[k, i - m]
-
-
-@njit
-def _invert(w: Scratch) -> bool:
-    """w.B = w.A^-1 by Gauss and Jordan with row pivots; w.A is lost. False: singular."""
-    A, B = w.A, w.B
-    n = A.shape[0]
-    for i in range(n):
-        for k in range(n):
-            B[i, k] = 1.0 if i == k else 0.0
-    for c in range(n):
-        best = c
-        for i in range(c + 1, n):
-            if abs(A[i, c]) > abs(A[best, c]):
-                best = i
-        pivot = A[best, c]
-        if not abs(pivot) > 1e-14:
-            return False
-        for k in range(n):
-            A[best, k], A[c, k] = A[c, k], A[best, k] / pivot
-            B[best, k], B[c, k] = B[c, k], B[best, k] / pivot
-        for i in range(n):
-            if i != c and A[i, c] != 0.0:
-                f = A[i, c]
-                for k in range(n):
-                    A[i, k] -= f * A[c, k]
-                    B[i, k] -= f * B[c, k]
-    return True
 
 
 @njit
@@ -185,10 +158,10 @@ def follow(
                     value += N[j, i] * r[d, j]
                 rest[d, i] = value
         off[k] = before = math.inf
-        for _ in range(NEWTON):
+        for _ in range(NEWTON_STEPS_MAX):
             tip_and_jacobian(model, w.q, w.arm)
             _matrix(task, N, w)
-            if not _invert(w):
+            if not invert(w.A, w.B):
                 break
             tip, R = w.arm.tip, rotation[k]
             for i in range(3):
@@ -209,7 +182,7 @@ def follow(
                 largest = max(largest, abs(step[j]))
             if not largest < 1e3:
                 break
-            if largest <= NOTHING or (largest <= SMALL and before <= SMALL):
+            if largest <= LAST_STEP or (largest <= LAST_STEP_BUT_ONE and before <= LAST_STEP_BUT_ONE):
                 off[k] = 0.0
                 for j in range(n):
                     off[k] = max(off[k], abs(w.q[j] - r[0, j]))
@@ -222,6 +195,64 @@ def follow(
         for i in range(6):
             accelerated[i] = change[k, i] - accelerated[i]
         _solve(w, task, accelerated, rest[2], ddq[k])
+
+
+@njit
+def _weigh(task: Floats, B: Floats, weight: Floats) -> None:
+    """How far errors of b move each joint at most, by A0^-1 = B: linear, angular and spare ones, into weight (n, 3)."""
+    m, n = task.shape[0], B.shape[0]
+    for j in range(n):
+        for part in range(3):
+            weight[j, part] = 0.0
+        for r in range(6):  # A0^-1 takes in a twist by way of the task's rows
+            value = 0.0
+            if m == 6:
+                value = B[j, r]
+            else:
+                for i in range(m):
+                    value += B[j, i] * task[i, r]
+            weight[j, r // 3] += value * value
+        for i in range(m, n):
+            weight[j, 2] += B[j, i] * B[j, i]
+        for part in range(3):
+            weight[j, part] = math.sqrt(weight[j, part])
+
+
+@inlined
+def _longest_columns(prismatic: Bools, lever: Floats, half: float, guess: Floats, length: Floats) -> None:
+    """The longest that each column of the Jacobian gets, from its ``lever`` in the middle, into length (n,).
+
+    From the tip inwards: |d J_j / d q_l| is the length of the outer column of the two, and zero if the inner joint
+    slides.
+    """
+    n = guess.shape[0]
+    swung = 0.0  # by all joints up to this one
+    for j in range(n):
+        if not prismatic[j]:
+            swung += half * guess[j]
+    after = 0.0
+    for i in range(n):
+        j = n - 1 - i
+        if prismatic[j]:
+            length[j] = 1.0
+        else:
+            length[j] = (lever[j] + after) / (1.0 - swung) if swung < 1.0 else math.inf
+            swung -= half * guess[j]
+        after += half * guess[j] * length[j]
+
+
+@inlined
+def _tip_errors(prismatic: Bools, length: Floats, half: float, guess: Floats, bend: Floats) -> tuple[float, float]:
+    """Upper bounds of (b - b0) - (A - A0) u at the tip: linear, angular."""
+    n = guess.shape[0]
+    linear, angular = half * bend[0], half * bend[1]
+    for j in range(n):
+        for i in range(n):
+            if not prismatic[min(i, j)]:
+                linear += length[max(i, j)] * half * guess[i] * guess[j]
+                if i < j and not prismatic[j]:
+                    angular += half * guess[i] * guess[j]
+    return linear, angular
 
 
 @njit
@@ -244,9 +275,9 @@ def speed_bounds(
     half |u|. A guess U of sup |u| for which the right-hand side stays below U is a bound: u, which is continuous,
     never gets there. kept: one was found, and no bound exceeds |u0| by more than ``tolerance`` of the largest.
     """
-    n, m = q.shape[1], task.shape[0]
+    n = q.shape[1]
     w = scratch(n)
-    weight = np.empty((n, 3))  # of errors of b, per joint: linear, angular, spare
+    weight = np.empty((n, 3))
     lever, length, guess, new = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for k in range(q.shape[0]):
         kept[k] = False
@@ -254,51 +285,18 @@ def speed_bounds(
             w.q[j] = q[k, j]
         tip_and_jacobian(model, w.q, w.arm)
         _matrix(task, null[k], w)
-        if not _invert(w):
+        if not invert(w.A, w.B):
             continue
+        _weigh(task, w.B, weight)
         largest = 0.0
         for j in range(n):
-            for part in range(3):
-                weight[j, part] = 0.0
-            for r in range(6):  # A0^-1 takes in a twist by way of the task's rows
-                value = 0.0
-                if m == 6:
-                    value = w.B[j, r]
-                else:
-                    for i in range(m):
-                        value += w.B[j, i] * task[i, r]
-                weight[j, r // 3] += value * value
-            for i in range(m, n):
-                weight[j, 2] += w.B[j, i] * w.B[j, i]
-            for part in range(3):
-                weight[j, part] = math.sqrt(weight[j, part])
             lever[j] = math.sqrt(w.arm.J[0, j] ** 2 + w.arm.J[1, j] ** 2 + w.arm.J[2, j] ** 2)
             largest = max(largest, abs(dq[k, j]))
         for j in range(n):
             guess[j] = abs(dq[k, j]) + 0.02 * largest + 1e-9
         for _ in range(40):
-            # The longest that each column of the Jacobian gets, from the tip inwards: |d J_j / d q_l| is the length of
-            # the outer column of the two, and zero if the inner joint slides.
-            swung = 0.0  # by all joints up to this one
-            for j in range(n):
-                if not model.prismatic[j]:
-                    swung += half[k] * guess[j]
-            after = 0.0
-            for i in range(n):
-                j = n - 1 - i
-                if model.prismatic[j]:
-                    length[j] = 1.0
-                else:
-                    length[j] = (lever[j] + after) / (1.0 - swung) if swung < 1.0 else math.inf
-                    swung -= half[k] * guess[j]
-                after += half[k] * guess[j] * length[j]
-            linear, angular = half[k] * bend[k, 0], half[k] * bend[k, 1]
-            for j in range(n):
-                for i in range(n):
-                    if not model.prismatic[min(i, j)]:
-                        linear += length[max(i, j)] * half[k] * guess[i] * guess[j]
-                        if i < j and not model.prismatic[j]:
-                            angular += half[k] * guess[i] * guess[j]
+            _longest_columns(model.prismatic, lever, half[k], guess, length)
+            linear, angular = _tip_errors(model.prismatic, length, half[k], guess, bend[k])
             below = True
             for j in range(n):
                 new[j] = abs(dq[k, j]) + weight[j, 0] * linear + weight[j, 1] * angular

@@ -33,18 +33,18 @@ from armtempo.robots import Arm
 __all__ = ["CartesianJointPath"]
 
 
-INTERVALS = 512  # of a path at first, and
-FEWEST, MOST = 8, 2**13  # of one of its pieces
-MIDDLE = 1e-5  # [rad, m] how far quintics may be from the path in the middle of intervals: one step of Newton from it
+FIRST_INTERVALS = 512  # of a path at first, and
+INTERVALS_MIN, INTERVALS_MAX = 8, 2**13  # of one of its pieces
+MIDDLE_ERROR_MAX = 1e-5  # [rad, m] of quintics in the middle of intervals: one step of Newton from the path
 NEAR_START = 0.25  # [rad, m] how far a joint may be moved onto the start of the path
-BESIDE = 1e-6  # [rad, m] how far the tip may be from poses where the task leaves that out
-SINGULAR = 1e-3  # [rad, length] at a tip so near its goal a joint has to move further than NEAR_START next to one only
-LOOSE = 0.05  # of the fastest joint's speed: how far bounds of speeds exceed those in the middle of their interval
-HALVINGS = 14  # of an interval, for such bounds
-STIFF = 0.25  # gain of the tracker, per step
-HELD = 2000  # steps to get to a pose, if that can be
-FALLING = 1e-3  # of what is left then, over the last tenth of them: it goes on. Measured: > 5e-2, or < 1e-5
-ATTRACTION = 2.0  # [1/m] at which a redundant arm is drawn to its posture
+LEFT_OUT_ERROR_MAX = 1e-6  # [rad, m] of the tip, where the task leaves that out of the pose
+SINGULAR_DISTANCE = 1e-3  # [rad, length] a tip so near its goal needs more than NEAR_START of a joint next to one only
+SPEED_BOUND_SLACK = 0.05  # of the fastest joint's speed: what bounds may exceed speeds in an interval's middle by
+SPEED_BOUND_HALVINGS = 14  # of an interval, for such bounds
+TRACKER_GAIN = 0.25  # per step
+SETTLING_STEPS = 2000  # to get to a pose, if that can be
+FALLING_SHARE = 1e-3  # of what is left then, over the last tenth of them: it goes on. Measured: > 5e-2, or < 1e-5
+POSTURE_GAIN = 2.0  # [1/m] at which a redundant arm is drawn to its posture
 
 
 @final
@@ -104,13 +104,13 @@ class CartesianJointPath(AbstractJointPath):
         self._tracker = FeedbackIK(
             arm,
             # per metre: as stiff as the coarsest step allows, so that Newton is left with little
-            IKGains(**dict.fromkeys(("position", "approach", "normal"), STIFF * INTERVALS / self.length)),
+            IKGains(**dict.fromkeys(("position", "approach", "normal"), TRACKER_GAIN * FIRST_INTERVALS / self.length)),
             error="quaternion",
             task=task,
             damping=1e-3,
             joint_speed_max=np.full(arm.dof, np.inf),
             posture=rest,
-            posture_gain=ATTRACTION,
+            posture_gain=POSTURE_GAIN,
         )
         self._task, self._speed_min = self._tracker.task, speed_min
         if len(self._task) > arm.dof:
@@ -164,13 +164,13 @@ class CartesianJointPath(AbstractJointPath):
         self._check_range(first)
         curve = np.zeros((1, 6, self.dof))
         curve[0, 0] = first
-        still = loops.Reference(np.array([0.0, self.length]), curve, self._null_space(first[None]))
+        still = loops.Reference(station=np.array([0.0, self.length]), curve=curve, null=self._null_space(first[None]))
         q, _, _, off = self._follow(still, np.zeros(1), np.zeros(1, dtype=np.int64), False)
         missed = self._miss(np.zeros(1), q if off[0] <= NEAR_START else first[None])
         away, turned = np.linalg.norm(missed.reshape(2, 3), axis=1).tolist()
         if off[0] <= NEAR_START:
             self._check_beside(np.zeros(1), q)
-        elif away <= SINGULAR * self._tracker.length and turned <= SINGULAR:
+        elif away <= SINGULAR_DISTANCE * self._tracker.length and turned <= SINGULAR_DISTANCE:
             raise self._singular(0.0, first, None)
         if not off[0] <= NEAR_START or turned > 1.0:  # Newton takes half a turn for none
             raise self._refuse(
@@ -194,7 +194,7 @@ class CartesianJointPath(AbstractJointPath):
         beside = (missed - missed @ self._task.T @ self._task).reshape(-1, 2, 3)
         k, part = np.unravel_index(int(np.linalg.norm(beside, axis=2).argmax()), beside.shape[:2])
         off = float(np.linalg.norm(beside[k, part]))
-        if off <= BESIDE:
+        if off <= LEFT_OUT_ERROR_MAX:
             return
         where = float(station[k])
         if part == 0:
@@ -229,7 +229,7 @@ class CartesianJointPath(AbstractJointPath):
         rate: Floats | None = None
         for k in range(len(self.breakpoints) - 1):
             low, high = self.breakpoints[k : k + 2]
-            count = max(FEWEST, int(np.ceil(INTERVALS * (high - low) / self.length)))
+            count = max(INTERVALS_MIN, int(np.ceil(FIRST_INTERVALS * (high - low) / self.length)))
             while True:
                 s, values, reference, fits = self._sampled(low, high, count, q, rate)
                 if fits:
@@ -243,7 +243,9 @@ class CartesianJointPath(AbstractJointPath):
         self.station = np.concatenate(stations)
         self._nodes = np.concatenate(nodes, axis=1)
         # Its arrays are writable, all of them, so that the loops are compiled once only.
-        self._reference = loops.Reference(self.station.copy(), np.concatenate(curves), np.concatenate(nulls))
+        self._reference = loops.Reference(
+            station=self.station.copy(), curve=np.concatenate(curves), null=np.concatenate(nulls)
+        )
         self.station.setflags(write=False)
 
     def _sampled(
@@ -266,15 +268,15 @@ class CartesianJointPath(AbstractJointPath):
         curve = np.zeros((count + 1, 6, self.dof))
         curve[:, 0] = run.q
         curve[0, 0] = start
-        still = loops.Reference(np.append(s, s[-1] + step), curve, null)
+        still = loops.Reference(station=np.append(s, s[-1] + step), curve=curve, null=null)
         index = np.arange(count + 1)
         last = index == count
         q, dq, _, off = self._follow(still, s, index, last)
-        good = (off <= MIDDLE) & (run.flags & LIMIT == 0)
+        good = (off <= MIDDLE_ERROR_MAX) & (run.flags & LIMIT == 0)
         if not good.all():
             bad = int(good.argmin())
             self._check_reach(bad, s, run, target)
-            if count < MOST:
+            if count < INTERVALS_MAX:
                 return s, np.empty(0), still, False
             raise self._singular(s[bad], run.q[bad], None)
         # The slope: of its spare part, what the tracker had.
@@ -285,10 +287,10 @@ class CartesianJointPath(AbstractJointPath):
         dq = self._follow(still, s, index, last)[1]
         curve[:, 2] = 0.5 * step * np.gradient(dq, axis=0, edge_order=2)
         q, dq, ddq, _ = self._follow(still, s, index, last)
-        reference = loops.Reference(s, _quintics(step, q, dq, ddq), null[:-1])
+        reference = loops.Reference(station=s, curve=_quintics(step, q, dq, ddq), null=null[:-1])
         middle = self._follow(reference, 0.5 * (s[1:] + s[:-1]), index[:-1], False)
-        fits = bool(middle[3].max() <= MIDDLE)
-        if not fits and count >= MOST:
+        fits = bool(middle[3].max() <= MIDDLE_ERROR_MAX)
+        if not fits and count >= INTERVALS_MAX:
             k = int(middle[3].argmax())
             raise self._singular(s[k], run.q[k], None)
         return s, np.stack([q, dq, ddq]), reference, fits
@@ -311,12 +313,13 @@ class CartesianJointPath(AbstractJointPath):
         # Let the arm reach for what it misses most from there on: it gets there, or it stops where it is nearest.
         length, oriented = self._tracker.length, len(self._task) == 6
         far = k + int((run.position_error[k:] / length + oriented * run.orientation_error[k:]).argmax())
-        rows, step = 2 * HELD + 1, self.length / INTERVALS
+        rows, step = 2 * SETTLING_STEPS + 1, self.length / FIRST_INTERVALS
         p, R = (np.repeat(a[2 * far : 2 * far + 1], rows, axis=0) for a in (target.position, target.rotation))
         still = np.zeros((rows, 3))
-        run = self._tracker.track(PoseTarget.sample(lambda _: (p, R, still, still), HELD * step, step), q[far])
+        held = PoseTarget.sample(lambda _: (p, R, still, still), SETTLING_STEPS * step, step)
+        run = self._tracker.track(held, q[far])
         missed = run.position_error / length + oriented * run.orientation_error
-        falling = missed[-1] < (1.0 - FALLING) * missed[-HELD // 10]
+        falling = missed[-1] < (1.0 - FALLING_SHARE) * missed[-SETTLING_STEPS // 10]
         if missed[-1] > 1e-5 and not falling and not (oriented and self._in_closed_form(p[0], R[0])):
             away = float(run.position_error[-1])
             raise self._refuse(
@@ -370,13 +373,22 @@ class CartesianJointPath(AbstractJointPath):
         most = np.linalg.norm(to_bernstein @ second, axis=2).max(axis=1) / size**2
         bend = np.column_stack([np.asarray(self._poses.bends)[piece], most])
         done: list[tuple[Floats, Floats, Floats]] = []
-        for _ in range(HALVINGS):
+        for _ in range(SPEED_BOUND_HALVINGS):
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             q, dq, _, _ = self._follow(reference, middle, interval, False)
             self._check_speed(middle, dq)
             bound, kept = np.empty_like(q), np.empty(len(q), dtype=np.bool_)
             loops.speed_bounds(
-                self.arm.model, self._task, reference.null[interval], q, dq, half, bend[interval], LOOSE, bound, kept
+                self.arm.model,
+                self._task,
+                reference.null[interval],
+                q,
+                dq,
+                half,
+                bend[interval],
+                SPEED_BOUND_SLACK,
+                bound,
+                kept,
             )
             done.append((low[kept], bound[kept], q[kept]))
             low, high, interval = low[~kept], high[~kept], interval[~kept]
@@ -444,7 +456,7 @@ class CartesianJointPath(AbstractJointPath):
         interval = np.clip(interval, 0, len(self.station) - 2)
         rows = None if position is None else np.asarray(position, dtype=np.float64).reshape(-1, 3)
         found = self._follow(self._reference, flat, interval, before, rows)
-        if not found[3].max(initial=0.0) <= (100.0 * MIDDLE if position is None else NEAR_START):
+        if not found[3].max(initial=0.0) <= (100.0 * MIDDLE_ERROR_MAX if position is None else NEAR_START):
             k = int(found[3].argmax())
             raise self._refuse(flat[k], "workspace", "is lost", "give a position nearer to the path")
         return (*given.shape, self.dof), found

@@ -60,7 +60,8 @@ class AbstractJointPath(ABC):
         """Samples for numba kernels; breakpoints are stations."""
         station = np.union1d(np.linspace(0.0, self.length, pieces + 1), self.breakpoints)
         q, dq, ddq = self.evaluate(station)
-        return PathTable(station, q, dq, ddq, self.evaluate(station, before=True)[2])
+        ddq_before = self.evaluate(station, before=True)[2]
+        return PathTable(station=station, q=q, dq=dq, ddq=ddq, ddq_before=ddq_before)
 
 
 @njit

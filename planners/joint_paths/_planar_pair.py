@@ -27,9 +27,9 @@ ELBOWS: tuple[Elbow, ...] = get_args(Elbow)
 SINGULAR_SINE = (
     0.01  # |sin theta2| below which joint speeds exceed 100 x what the same tip speed needs at a right angle
 )
-SAMPLES = 2049  # of a path, and
+PATH_SAMPLES = 2049  # of a path, and
 PER_PIECE = 17  # of each of its pieces
-HALVINGS = 6  # of an interval in which a limit may be broken, before its middle is believed
+LIMIT_HALVINGS = 6  # of an interval in which a limit may be broken, before its middle is believed
 
 
 class TipPath(Protocol):
@@ -136,7 +136,7 @@ class PlanarPair:
         near, far = np.sqrt(self._l1**2 + self._l2**2 + bend * np.array([-1.0, 1.0]))
         self._refuse(self.station, self._radius(self.path.evaluate(self.station)[0])[1])
         low, high = self.station[:-1], self.station[1:]
-        for _ in range(HALVINGS):
+        for _ in range(LIMIT_HALVINGS):
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             radius = self._radius(self.path.evaluate(middle)[0])[1]
             self._refuse(middle, radius)
@@ -252,7 +252,7 @@ def _samples(path: TipPath) -> Floats:
     ends = path.breakpoints
     pieces = ends[:-1, None] + np.linspace(0.0, 1.0, PER_PIECE) * np.diff(ends)[:, None]
     return np.unique(
-        np.clip(np.concatenate([np.linspace(0.0, path.length, SAMPLES), pieces.ravel()]), 0.0, path.length)
+        np.clip(np.concatenate([np.linspace(0.0, path.length, PATH_SAMPLES), pieces.ravel()]), 0.0, path.length)
     )
 
 
@@ -271,7 +271,7 @@ def check_position_limits(arm: Arm, path: AbstractJointPath, station: Floats) ->
     """
     _refuse_positions(arm, station, path.evaluate(station)[0])
     low, high = station[:-1], station[1:]
-    for _ in range(HALVINGS):
+    for _ in range(LIMIT_HALVINGS):
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         q, reach = path.evaluate(middle)[0], half[:, None] * path.speed_bound(low, high)
         _refuse_positions(arm, middle, q)

@@ -20,7 +20,7 @@ from armtempo.planners.geometry import Arc, CartesianPath, Line, Segment
 __all__ = ["PosePath", "Poses", "TipPosePath", "TipSegments", "as_pose_path"]
 
 TipSegments = Line | Arc | CartesianPath | BlendedPath
-PARTS = 64  # of a blend, to bound its curvature
+BLEND_PARTS = 64  # of a blend, to bound its curvature
 
 
 class Poses(NamedTuple):
@@ -105,7 +105,14 @@ class TipPosePath:
         else:
             rotation = np.broadcast_to(self._rotation, (*s.shape, 3, 3))
         turning = np.broadcast_to(self._turning, position.shape)
-        return Poses(position, rotation, tangent, turning, curvature, np.zeros_like(position))
+        return Poses(
+            position=position,
+            rotation=rotation,
+            tangent=tangent,
+            turning=turning,
+            curvature=curvature,
+            turning_change=np.zeros_like(position),
+        )
 
 
 def as_pose_path(path: TipSegments | PosePath, rotation: Floats) -> PosePath:
@@ -159,7 +166,7 @@ def _polynomial_curvature_bound(coefficients: Floats) -> float:
     for i, a in enumerate(first):
         for j, b in enumerate(second):
             across[i + j] += np.cross(a, b)
-    parts = PARTS
+    parts = BLEND_PARTS
     while True:  # a curve is nowhere at rest: short enough parts have a bound
         half = 0.5 / parts
         middles = (np.arange(parts) + 0.5) / parts

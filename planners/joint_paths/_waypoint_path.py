@@ -26,9 +26,9 @@ from armtempo.robots import Arm, njit
 Ends = Literal["natural", "not-a-knot"]
 Spacing = Literal["chord", "centripetal"]
 
-ROUNDING = 1e-12  # share by which bounds are widened
+BOUND_ROUNDING = 1e-12  # share by which bounds are widened
 POSITION_TOLERANCE = 1e-9  # rad or m
-REPEATED = 1e-9  # waypoints nearer than this [rad] are the same
+WAYPOINT_DISTANCE_MIN = 1e-9  # waypoints nearer than this [rad] are the same
 
 
 @njit
@@ -73,7 +73,7 @@ class WaypointPath(AbstractJointPath):
             if value not in known:
                 raise InputError(f"{name} is {value!r}", remedy=f"give {' or '.join(known)}")
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if steps.min() < REPEATED:
+        if steps.min() < WAYPOINT_DISTANCE_MIN:
             k = int(np.argmin(steps))
             raise PathError(
                 f"waypoints {k} and {k + 1} are the same: {_listed(points[k])}",
@@ -117,7 +117,7 @@ class WaypointPath(AbstractJointPath):
             inside = count > 0
             most = largest.over(np.where(inside, first, 0), np.where(inside, first + count - 1, 0))[..., 0]
             bound[..., joint] = np.maximum(bound[..., joint], np.where(inside, most, 0.0))
-        return bound * (1.0 + ROUNDING) + ROUNDING
+        return bound * (1.0 + BOUND_ROUNDING) + BOUND_ROUNDING
 
     def _peaks_of(self, joint: int) -> tuple[Floats, RangeMax]:
         """Stations where ``|f'|`` of a joint may peak, and how high."""

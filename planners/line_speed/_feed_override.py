@@ -21,13 +21,15 @@ from armtempo.planners.geometry import Arc, CartesianPath, Line
 from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
 
-START, PAST, LASTS, POWERS, WANTED = 0, 1, 2, 3, 9  # of a warp: sigma at, and time since its start, duration, f
-COARSE = 16  # samples of a whole transition, to refuse most of them early
-FINE = 4  # samples of every piece of the profile, at least
-ROUNDING = 1e-14
-RESERVE = 2e-3  # of a limit, for what lies between samples; where the profile itself asks for more, that holds
-SHORTEST, GROWTH, DURATIONS = 0.02, 1.25, 24  # durations tried, the first as a share of the ramp to line speed
-SHARES = 6  # of the way to the override wanted: all, a half, a quarter..
+# Of a warp: sigma at its start, time since then, duration, first coefficient of f, override wanted.
+WARP_START, WARP_PAST, WARP_LASTS, WARP_POWERS, WARP_WANTED = 0, 1, 2, 3, 9
+TRANSITION_SAMPLES = 16  # samples of a whole transition, to refuse most of them early
+PIECE_SAMPLES_MIN = 4  # samples of every piece of the profile, at least
+OVERRIDE_ROUNDING = 1e-14
+LIMIT_RESERVE_SHARE = 2e-3  # for what lies between samples; where the profile itself asks for more, that holds
+FIRST_DURATION_SHARE = 0.02  # of the ramp to line speed: the first duration tried
+DURATION_GROWTH, DURATIONS_TRIED = 1.25, 24
+SHARES_TRIED = 6  # of the way to the override wanted: all, a half, a quarter..
 
 
 PathOf = BlendedPath | CartesianPath | Blend | Line | Arc
@@ -91,7 +93,7 @@ class FeedOverride:
         marks = profile.knots if path is None else np.append(profile.knots, profile.time_at(path.packed.breakpoints))
         self._marks = np.unique(marks)  # inside of two of them everything is smooth
         swing = min(limits.acceleration / limits.jerk, math.sqrt(limits.speed / limits.jerk))
-        self._shortest = SHORTEST * (limits.speed / min(limits.acceleration, limits.jerk * swing) + swing)
+        self._shortest = FIRST_DURATION_SHARE * (limits.speed / min(limits.acceleration, limits.jerk * swing) + swing)
         self._warp = np.zeros(10)
         self._out = np.zeros(8)
         self.reset()
@@ -168,7 +170,7 @@ class FeedOverride:
 def start_warp() -> Floats:
     """(10,) the warp of a motion that starts at an override of 1."""
     warp = np.zeros(10)
-    warp[[LASTS, POWERS, WANTED]] = 1.0
+    warp[[WARP_LASTS, WARP_POWERS, WARP_WANTED]] = 1.0
     return warp
 
 
@@ -191,16 +193,16 @@ def _checked_path(path: Any, length: float) -> BlendedPath | Blend:
 @njit
 def warped(warp: Floats, t: float) -> tuple[float, float, float, float]:
     """``sigma``, ``f`` and its two derivatives at ``t`` [s] after the start of a transition."""
-    lasts = warp[LASTS]
-    c0, c1, c2, c3, c4, c5 = warp[POWERS], warp[4], warp[5], warp[6], warp[7], warp[8]
+    lasts = warp[WARP_LASTS]
+    c0, c1, c2, c3, c4, c5 = warp[WARP_POWERS], warp[4], warp[5], warp[6], warp[7], warp[8]
     x = min(t / lasts, 1.0)
     way = x * (c0 + x * (c1 / 2.0 + x * (c2 / 3.0 + x * (c3 / 4.0 + x * (c4 / 5.0 + x * c5 / 6.0)))))
     f = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
     f = min(max(f, 0.0), 1.0)
-    sigma = warp[START] + lasts * way
+    sigma = warp[WARP_START] + lasts * way
     if t >= lasts:
-        on = warp[WANTED] * (t - lasts) if warp[WANTED] > 0.0 else 0.0  # however long it stands
-        return sigma + on, warp[WANTED], 0.0, 0.0
+        on = warp[WARP_WANTED] * (t - lasts) if warp[WARP_WANTED] > 0.0 else 0.0  # however long it stands
+        return sigma + on, warp[WARP_WANTED], 0.0, 0.0
     first = (c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / lasts
     second = (2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / lasts**2
     return sigma, f, first, second
@@ -209,8 +211,8 @@ def warped(warp: Floats, t: float) -> tuple[float, float, float, float]:
 @njit
 def advance(knots: Floats, coefficients: Floats, warp: Floats, dt: float, out: Floats) -> None:
     """Time goes on; ``out``: s, v, a, j, sigma, f, f', f''."""
-    warp[PAST] += dt
-    sigma, f, first, second = warped(warp, warp[PAST])
+    warp[WARP_PAST] += dt
+    sigma, f, first, second = warped(warp, warp[WARP_PAST])
     end = knots[len(knots) - 1]
     sigma = min(sigma, end)
     s, v, a, j = profile_state(knots, coefficients, sigma)
@@ -265,7 +267,7 @@ def keeps(
     if packed is not None:
         blended_point(packed, state[0], point)
     worst = ratio(state, f, first, second, packed, limits, point)
-    if worst <= 1.0 - RESERVE:
+    if worst <= 1.0 - LIMIT_RESERVE_SHARE:
         return True
     return worst <= min(ratio(state, 1.0, 0.0, 0.0, packed, limits, point), 1.0)
 
@@ -276,17 +278,18 @@ def clean(
     point: Floats,
 ) -> bool:  # fmt: skip
     """Whether a transition keeps the limits all the way, and its override stays in [0, 1]."""
-    lasts, end = warp[LASTS], marks[len(marks) - 1]
-    second = warp[POWERS] + 0.2 * warp[4]  # of the quintic's six control values, its hull; the last three are the end
+    lasts, end = warp[WARP_LASTS], marks[len(marks) - 1]
+    # Of the quintic's six control values, its hull; the last three are the end.
+    second = warp[WARP_POWERS] + 0.2 * warp[4]
     third = second + 0.2 * warp[4] + 0.1 * warp[5]
-    if min(second, third) < -ROUNDING or max(second, third) > 1.0 + ROUNDING:
+    if min(second, third) < -OVERRIDE_ROUNDING or max(second, third) > 1.0 + OVERRIDE_ROUNDING:
         return False
-    for i in range(1, COARSE):
-        t = lasts * i / COARSE
+    for i in range(1, TRANSITION_SAMPLES):
+        t = lasts * i / TRANSITION_SAMPLES
         if warped(warp, t)[0] < end and not keeps(knots, coefficients, packed, limits, warp, t, point):
             return False
     now, piece = 0.0, 0
-    while piece < len(marks) - 2 and marks[piece + 1] <= warp[START]:
+    while piece < len(marks) - 2 and marks[piece + 1] <= warp[WARP_START]:
         piece += 1
     while now < lasts and piece < len(marks) - 1:
         until = lasts  # when the piece of the profile ends
@@ -305,7 +308,7 @@ def clean(
                 if abs(step - until) <= 1e-14 * lasts or high - low <= 1e-14 * lasts:
                     break
                 until = step
-        samples = max(FINE, math.ceil(100.0 * (until - now) / lasts))
+        samples = max(PIECE_SAMPLES_MIN, math.ceil(100.0 * (until - now) / lasts))
         for i in range(samples):
             share = min(max(i / (samples - 1), 1e-9), 1.0 - 1e-9)
             if not keeps(knots, coefficients, packed, limits, warp, now + share * (until - now), point):
@@ -321,24 +324,25 @@ def turn(
     wanted: float, shortest: float,
 ) -> bool:  # fmt: skip
     """Put the shortest clean transition to ``wanted`` into ``warp``, or to some of the way; False if not to all."""
-    sigma, f, first, second = warped(warp, warp[PAST])
-    if wanted == warp[WANTED]:  # on its way, or there
+    sigma, f, first, second = warped(warp, warp[WARP_PAST])
+    if wanted == warp[WARP_WANTED]:  # on its way, or there
         return True
     point, trial = np.zeros((4, 3)), np.zeros(10)
-    trial[START] = sigma
+    trial[WARP_START] = sigma
     over = sigma >= knots[len(knots) - 1]
-    for k in range(SHARES if warp[PAST] >= warp[LASTS] else 1):  # part of the way only from a constant override
+    # Part of the way only from a constant override.
+    for k in range(SHARES_TRIED if warp[WARP_PAST] >= warp[WARP_LASTS] else 1):
         target = wanted if k == 0 else f + (wanted - f) / 2.0**k
         way, lasts = target - f, shortest
-        for _ in range(DURATIONS):
+        for _ in range(DURATIONS_TRIED):
             slope, bend = first * lasts, second * lasts**2
-            trial[LASTS], trial[WANTED] = lasts, target
-            trial[POWERS], trial[4], trial[5] = f, slope, 0.5 * bend
+            trial[WARP_LASTS], trial[WARP_WANTED] = lasts, target
+            trial[WARP_POWERS], trial[4], trial[5] = f, slope, 0.5 * bend
             trial[6] = 10.0 * way - 6.0 * slope - 1.5 * bend
             trial[7] = -15.0 * way + 8.0 * slope + 1.5 * bend
             trial[8] = 6.0 * way - 3.0 * slope - 0.5 * bend
             if over or clean(knots, coefficients, marks, packed, limits, trial, point):
                 warp[:] = trial
                 return k == 0
-            lasts *= GROWTH
+            lasts *= DURATION_GROWTH
     return False

@@ -33,19 +33,20 @@ from armtempo.planners.line_speed._profile import (
     shares,
 )
 
-ROUNDS = 12
-SETTLED = 1e-3  # a round that gains less, as a share of the time, is the last
-POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
-CURVED = 1e-9  # [1/m] times the length of a piece: less is straight
-EVENLY, CLOSER = 201, 40  # samples of a piece, and towards each of its ends, by which its knots are laid
-PER_BLEND, PER_RAMP, PER_E_FOLD = 9, 7, 2  # intervals
+ROUNDS_MAX = 12
+ROUND_GAIN_MIN = 1e-3  # a round that gains less, as a share of the time, is the last
+LIMIT_POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
+CURVATURE_MIN = 1e-9  # [1/m] times the length of a piece: less is straight
+EVEN_SAMPLES, END_SAMPLES = 201, 40  # samples of a piece, and towards each of its ends, by which its knots are laid
+INTERVALS_PER_BLEND, INTERVALS_PER_RAMP, INTERVALS_PER_E_FOLD = 9, 7, 2
 NEAR_REST = 0.25  # of the distance to a rest: the longest interval there
-TRIMS = 3
-PARTS = 2  # quintics per interval
-SAMPLES = 12  # per quintic, both ends included
-CLOSE = 2e-3  # of the largest sample: a peak between samples is higher than they by less
-MARGIN = 1e-6  # of the final slowing, for what lies between the samples
-GAUSS, GAUSS_WEIGHTS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0], 0.5 * np.polynomial.legendre.leggauss(8)[1]
+TRIMS_MAX = 3
+QUINTICS_PER_INTERVAL = 2
+SAMPLES_PER_QUINTIC = 12  # both ends included
+PEAK_CLOSENESS = 2e-3  # of the largest sample: a peak between samples is higher than they by less
+SLOWING_MARGIN_SHARE = 1e-6  # of the final slowing, for what lies between the samples
+GAUSS_NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
+GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
 
 def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
@@ -98,7 +99,7 @@ def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float)
     program = _Program.build(path, limits, _stations(path, limits, start, end))
     unknowns = program.solve()
     times, coefficients, over = _motion(path, program, unknowns)
-    for _ in range(TRIMS):  # ask for a little less where the limits are exceeded between the points
+    for _ in range(TRIMS_MAX):  # ask for a little less where the limits are exceeded between the points
         if (over < 1.0 + 1e-3).all():
             break
         program = program.tightened(over)
@@ -115,7 +116,7 @@ def _motion(path: Any, program: _Program, unknowns: Floats) -> tuple[Floats, Flo
     coefficients = _quintics(s, v, a, steps)
     times = np.concatenate([[0.0], np.cumsum(steps)])
     slower, worst = _slowing(path, program.limits, times, coefficients)
-    first = np.concatenate([[0], np.arange(1, len(steps) - 1, PARTS), [len(steps) - 1]])
+    first = np.concatenate([[0], np.arange(1, len(steps) - 1, QUINTICS_PER_INTERVAL), [len(steps) - 1]])
     return times * slower, coefficients / slower ** np.arange(6), np.maximum.reduceat(worst, first, axis=1)
 
 
@@ -128,8 +129,8 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> F
     ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
     first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
     marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
-    closer = np.geomspace(1e-6, 1.0 / (EVENLY - 1), CLOSER + 2)[1:-1]
-    share = np.concatenate([np.linspace(1e-6, 1.0 - 1e-6, EVENLY), closer, 1.0 - closer])
+    closer = np.geomspace(1e-6, 1.0 / (EVEN_SAMPLES - 1), END_SAMPLES + 2)[1:-1]
+    share = np.concatenate([np.linspace(1e-6, 1.0 - 1e-6, EVEN_SAMPLES), closer, 1.0 - closer])
     s = marks[:-1, None] + np.diff(marks)[:, None] * np.sort(share)  # (pieces, samples)
     bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
     cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
@@ -138,10 +139,10 @@ def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> F
     for k, (low, high) in enumerate(pairwise(marks)):
         length = high - low
         from_end = np.minimum(s[k] - low, high - s[k])
-        spacing = np.minimum(ramp / PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
-        if bend[k].max() * length > CURVED:
-            spacing = np.minimum(spacing, 2.0 * length / PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
-        spacing = np.minimum(spacing, 1.0 / (PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
+        spacing = np.minimum(ramp / INTERVALS_PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
+        if bend[k].max() * length > CURVATURE_MIN:
+            spacing = np.minimum(spacing, 2.0 * length / INTERVALS_PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
+        spacing = np.minimum(spacing, 1.0 / (INTERVALS_PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
         spacing = np.minimum(spacing, NEAR_REST * np.minimum(s[k] - start, end - s[k]))
         density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
         count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
@@ -185,7 +186,7 @@ class _Program:
         from scipy import sparse
 
         steps = np.diff(stations)
-        s = stations[:-1, None] + POINTS * steps[:, None]
+        s = stations[:-1, None] + LIMIT_POINTS * steps[:, None]
         _, d1, d2, d3 = path.derivatives(s)
         cap = np.minimum(limits.speed**2, limits.normal / np.maximum(np.linalg.norm(d2, axis=-1), 1e-300))
         guess = _guess(limits, s, cap, stations)
@@ -204,7 +205,7 @@ class _Program:
             stations=stations,
             free=free.tocsc()[:, kept],
             scale=scale,
-            basis=_basis(stations, scale, POINTS),
+            basis=_basis(stations, scale, LIMIT_POINTS),
             weights=weights,
             guess=guess,
             cap=cap,
@@ -250,14 +251,14 @@ class _Program:
             InfeasibleError: A program that cannot be solved.
         """
         unknowns, best, reference = np.zeros(self.free.shape[1]), math.inf, self.guess
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS_MAX):
             candidate = self.round(reference)
             time = self.time(candidate)
             while best < time * (1.0 - 1e-6):  # any mean of two feasible motions is one
                 candidate = 0.5 * (candidate + unknowns)
                 time = self.time(candidate)
             if time < math.inf:
-                settled = best - time < SETTLED * best < math.inf
+                settled = best - time < ROUND_GAIN_MIN * best < math.inf
                 unknowns, best = candidate, time
                 if settled:
                     break
@@ -330,11 +331,13 @@ class _Program:
         """Length, speed and acceleration at fine knots (M+1,), and the times between them (M,)."""
         local = self.free @ unknowns
         steps = np.diff(self.stations)
-        share = np.arange(PARTS) / PARTS
+        share = np.arange(QUINTICS_PER_INTERVAL) / QUINTICS_PER_INTERVAL
         x, slope, _ = _values(_basis(self.stations, self.scale, share), local)
-        inner = (share[:, None] + GAUSS / PARTS).ravel()
+        inner = (share[:, None] + GAUSS_NODES / QUINTICS_PER_INTERVAL).ravel()
         pace = 1.0 / np.sqrt(_values(_basis(self.stations, self.scale, inner), local)[0])
-        times = (pace.reshape(len(steps), PARTS, -1) * GAUSS_WEIGHTS).sum(axis=-1) * (steps[:, None] / PARTS)
+        times = (pace.reshape(len(steps), QUINTICS_PER_INTERVAL, -1) * GAUSS_WEIGHTS).sum(axis=-1) * (
+            steps[:, None] / QUINTICS_PER_INTERVAL
+        )
         s = self.stations[:-1, None] + share * steps[:, None]
         inside = slice(1, -1)  # of the first and the last interval only the ends: there the jerk is constant
         v = np.sqrt(x[inside]).ravel()
@@ -414,7 +417,7 @@ def _slowing(path: Any, limits: LineSpeedLimits, knots: Floats, coefficients: Fl
         plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
         return np.stack([plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)])
 
-    sampled = stretches(knots[:-1, None] + shares(SAMPLES) * np.diff(knots)[:, None])
+    sampled = stretches(knots[:-1, None] + shares(SAMPLES_PER_QUINTIC) * np.diff(knots)[:, None])
     # a peak of any kind may be higher between samples than all others at them
-    worst = peaks(stretches, knots, sampled, np.full(3, sampled.max()), CLOSE).max()
-    return float(worst) * (1.0 + MARGIN), sampled[1:].max(axis=2)
+    worst = peaks(stretches, knots, sampled, np.full(3, sampled.max()), PEAK_CLOSENESS).max()
+    return float(worst) * (1.0 + SLOWING_MARGIN_SHARE), sampled[1:].max(axis=2)

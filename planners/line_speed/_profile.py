@@ -18,9 +18,9 @@ from armtempo.robots import njit
 Reading = Literal["peak", "mean"]
 
 CERTIFY_SAMPLES = 12  # per piece, both ends included
-CLOSE = 2e-2  # of the largest sample: peaks between samples are looked for where they are as close to it
-ZOOM, ZOOMS = 33, 2  # samples around a peak, and around the peak among those
-INSIDE = 1e-9  # share of a piece: each end belongs to its own piece (jerk, and what a path bends, may jump at a knot)
+PEAK_CLOSENESS = 2e-2  # of the largest sample: peaks between samples are looked for where they are as close to it
+PEAK_SAMPLES, PEAK_ZOOMS = 33, 2  # samples around a peak, and around the peak among those
+END_SHARE = 1e-9  # of a piece: each end belongs to its own piece (jerk, and what a path bends, may jump at a knot)
 
 
 class SmoothPath(Protocol):
@@ -286,7 +286,7 @@ class LineSpeedProfile:
 
         sampled = sizes(self.samples())
         top = sampled.max(axis=(1, 2))
-        speed, acceleration, jerk, normal = (float(x) for x in peaks(sizes, self.knots, sampled, top, CLOSE))
+        speed, acceleration, jerk, normal = (float(x) for x in peaks(sizes, self.knots, sampled, top, PEAK_CLOSENESS))
         starts = self.coefficients[:, :3] * [1.0, 1.0, 2.0]
         scale = np.array([self.length, limits.speed, limits.acceleration])
         jumps = np.concatenate([starts[:1], starts[1:] - self._ends[:-1], self._ends[-1:] * [0.0, 1.0, 1.0]])
@@ -304,7 +304,7 @@ class LineSpeedProfile:
 def shares(count: int) -> Floats:
     """(count,) of a piece: next to both its ends and evenly between."""
     share = np.linspace(0.0, 1.0, count)
-    share[0], share[-1] = INSIDE, 1.0 - INSIDE
+    share[0], share[-1] = END_SHARE, 1.0 - END_SHARE
     return share
 
 
@@ -325,15 +325,15 @@ def peaks(measure: Callable[[Floats], Floats], knots: Floats, sampled: Floats, t
     peak[..., :-1] &= sampled[..., :-1] >= sampled[..., 1:]
     near, at = np.nonzero(peak.any(axis=0))
     low, high = share[np.maximum(at - 1, 0)], share[np.minimum(at + 1, len(share) - 1)]
-    for _ in range(ZOOMS):
+    for _ in range(PEAK_ZOOMS):
         if not len(near):
             break
-        fine = low[:, None] + np.linspace(0.0, 1.0, ZOOM) * (high - low)[:, None]
+        fine = low[:, None] + np.linspace(0.0, 1.0, PEAK_SAMPLES) * (high - low)[:, None]
         values = measure(knots[near][:, None] + fine * steps[near])
         top = np.maximum(top, values.max(axis=(1, 2)))
         kind, of = np.nonzero(values.max(axis=2) > top[:, None] * (1.0 - 1e-4))
         at = values[kind, of].argmax(axis=1)
-        near, low, high = near[of], fine[of, np.maximum(at - 1, 0)], fine[of, np.minimum(at + 1, ZOOM - 1)]
+        near, low, high = near[of], fine[of, np.maximum(at - 1, 0)], fine[of, np.minimum(at + 1, PEAK_SAMPLES - 1)]
     return top
 
 

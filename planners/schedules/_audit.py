@@ -27,11 +27,11 @@ from armtempo.robots import Arm, Shape
 Engine = Literal["coal", "pybullet"]
 
 ENGINES: tuple[Engine, ...] = ("coal", "pybullet")
-PER_PERIOD = 10  # instants per control period
+INSTANTS_PER_PERIOD = 10  # instants per control period
 COAL_ERROR = 1e-6  # [m]
 HULL_MARGIN = 2.2e-3  # [m] by which PyBullet's distances of two hulls may be too short
-SIDES = 32  # of the prism about a cylinder
-TOO_FAT = 1.0 / math.cos(math.pi / SIDES) - 1.0  # the prism's corners, as a share of the cylinder's radius
+PRISM_SIDES = 32  # of the prism about a cylinder
+PRISM_EXCESS_SHARE = 1.0 / math.cos(math.pi / PRISM_SIDES) - 1.0  # of the cylinder's radius: the prism's corners
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def audit_clearance(
             and missing.
     """
     engine = default_engine() if engine is None else engine
-    period = cell.control_period / PER_PERIOD if period is None else period
+    period = cell.control_period / INSTANTS_PER_PERIOD if period is None else period
     if engine not in ENGINES:
         raise UnknownNameError("engine", engine, ENGINES)
     if len(motions) != len(cell.arms) or len(motions) < 2 or not period > 0.0:
@@ -111,7 +111,7 @@ def _bullet_error(shapes: Sequence[Sequence[Shape]]) -> float:
     """By how much PyBullet's distances may be too short [m]."""
     every = [shape for own in shapes for shape in own]
     radius = max((shape.size[0] for shape in every if shape.kind == "cylinder"), default=0.0)
-    return COAL_ERROR if all(shape.exact for shape in every) else HULL_MARGIN + 2.0 * TOO_FAT * radius
+    return COAL_ERROR if all(shape.exact for shape in every) else HULL_MARGIN + 2.0 * PRISM_EXCESS_SHARE * radius
 
 
 def _places(arm: Arm, q: Floats) -> Floats:
@@ -200,6 +200,6 @@ def _hull_points(shape: Shape) -> Floats:
     if shape.kind == "box":
         return np.array(list(product(*((-0.5 * side, 0.5 * side) for side in shape.size))))
     radius, length = shape.size
-    turn = np.arange(SIDES) * (2.0 * math.pi / SIDES)
-    rim = radius * (1.0 + TOO_FAT) * np.column_stack([np.cos(turn), np.sin(turn)])
-    return np.concatenate([np.column_stack([rim, np.full(SIDES, end)]) for end in (-0.5 * length, 0.5 * length)])
+    turn = np.arange(PRISM_SIDES) * (2.0 * math.pi / PRISM_SIDES)
+    rim = radius * (1.0 + PRISM_EXCESS_SHARE) * np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.concatenate([np.column_stack([rim, np.full(PRISM_SIDES, end)]) for end in (-0.5 * length, 0.5 * length)])

@@ -7,7 +7,7 @@ from itertools import permutations
 
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.coordination import FULL, Motions, makespan, pair_is_free, respond
+from armtempo.planners.coordination import ALL_STAGES, Motions, makespan, pair_is_free, respond
 from armtempo.planners.topp import PhaseTrajectory
 
 MOST_ORDERS = 6  # of the arms that answer
@@ -45,7 +45,7 @@ def clairvoyant(cell: CoordinationCell, given: Mapping[int, PhaseTrajectory]) ->
         planned = dict(given)
         try:
             for arm in order:
-                planned[arm] = respond(cell.timing, arm, planned, FULL)
+                planned[arm] = respond(cell.timing, arm, planned, ALL_STAGES)
         except InfeasibleError as error:
             refusal = refusal or error
             continue

@@ -12,13 +12,13 @@ from armtempo.planners.cells import CoordinationCell
 from armtempo.planners.coordination import BrakingGuard
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
-from armtempo.planners.topp.kernels import Edges, Rows, run
+from armtempo.planners.topp.kernels import STATION, advance
 from armtempo.robots import njit
 
-NEAR = 1e-6  # of a path: places are known to this (observations are float32)
-CATCH_UP = 0.5  # of a period: an arm that lags more than this stops its clock
-FINEST_CHECK = 0.001  # [s] limits are asked at least about this often
-BISECTIONS = 30
+PLACE_ROUNDING_SHARE = 1e-6  # of a path: places are known to this (observations are float32)
+CATCH_UP_PERIODS = 0.5  # of a period: an arm that lags more than this stops its clock
+LONGEST_CHECK = 0.001  # [s] limits are asked at least about this often
+COMMAND_BISECTIONS = 30
 
 
 class Execution(Protocol):
@@ -35,22 +35,21 @@ class Execution(Protocol):
 
 def checks_per_period(cell: CoordinationCell) -> int:
     """How often per control period limits are asked: whole parts of its ticks."""
-    return cell.ticks_per_period * max(round(cell.physics_tick / FINEST_CHECK), 1)
+    return cell.ticks_per_period * max(round(cell.physics_tick / LONGEST_CHECK), 1)
 
 
 @njit
 def foresee(
-    edges: Edges, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
+    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int
 ) -> tuple[float, float, float]:
     """Place and speed after ``ticks`` under one command, as in the environments, and the time used until arrival."""
     none = np.empty(0)
-    return run(edges.steps, lam, mu, command, by_speed, tick, ticks, none, none)
+    return advance(steps, lam, mu, command, by_speed, tick, ticks, none, none)
 
 
 @njit
 def _command_to(
-    rows: Rows,
-    edges: Edges,
+    steps: Floats,
     lam: float,
     mu: float,
     by_speed: bool,
@@ -61,16 +60,16 @@ def _command_to(
     near: float,
 ) -> float:
     """The largest command that leads neither past ``target`` nor to the end before ``earliest`` [s] have passed."""
-    reached, _, used = foresee(edges, lam, mu, 1.0, by_speed, tick, ticks)
-    if reached <= target and (reached < rows.station[-1] or used >= earliest):
+    reached, _, used = foresee(steps, lam, mu, 1.0, by_speed, tick, ticks)
+    if reached <= target and (reached < steps[-1, STATION] or used >= earliest):
         return 1.0
     if mu <= 0.0 and target <= lam + 2.0 * near:
         return 0.0
     low, high = 0.0, 1.0
-    for _ in range(BISECTIONS):
+    for _ in range(COMMAND_BISECTIONS):
         middle = 0.5 * (low + high)
-        reached, _, used = foresee(edges, lam, mu, middle, by_speed, tick, ticks)
-        if reached <= target and (reached < rows.station[-1] or used >= earliest):
+        reached, _, used = foresee(steps, lam, mu, middle, by_speed, tick, ticks)
+        if reached <= target and (reached < steps[-1, STATION] or used >= earliest):
             low = middle
         else:
             high = middle
@@ -102,7 +101,7 @@ class ScheduleExecution:
         self._guard = BrakingGuard(cell.planes, self.precedence, self._period, mode, checks_per_period(cell))
         limits = self.precedence.limits
         self._led = [any(i == k and np.isfinite(limits[k, j]).any() for k, j in limits) for i in range(len(cell.arms))]
-        self._near = [NEAR * plane.length for plane in cell.planes]
+        self._near = [PLACE_ROUNDING_SHARE * plane.length for plane in cell.planes]
         self.reset()
 
     def reset(self) -> None:
@@ -121,7 +120,7 @@ class ScheduleExecution:
             target = float(motion.at(clock[i] + self._period)[0]) + self._near[i]
             earliest = motion.duration - clock[i] - 1e-6 * motion.duration
             command = _command_to(
-                plane.rows, plane.edges, lam[i], mu[i], self.mode == "speed", self._tick, self._ticks, target, earliest,
+                plane.edges.steps, lam[i], mu[i], self.mode == "speed", self._tick, self._ticks, target, earliest,
                 self._near[i],
             )  # fmt: skip
             out[i] = self._guard.guarded(i, command, float(lam[i]), float(mu[i]), braking)
@@ -136,7 +135,7 @@ class ScheduleExecution:
             min(float(motion.time_at(min(float(lam[i]) + self._near[i], motion.lam[-1]))), motion.duration)
             for i, motion in enumerate(motions)
         ]
-        own = [min(ahead[i], planned[i] + CATCH_UP * self._period) for i in range(len(motions))]
+        own = [min(ahead[i], planned[i] + CATCH_UP_PERIODS * self._period) for i in range(len(motions))]
         waits = [self.precedence.waits_for(i, lam) for i in range(len(motions))]
         # In a ring of arms that wait for each other small lags are not passed on: they would go round and grow.
         seen = [

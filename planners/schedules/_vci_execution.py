@@ -16,7 +16,7 @@ from armtempo.planners.schedules._execution import Execution, ScheduleExecution,
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
 
-AS_EXPECTED = 1e-4  # of a path: a smaller surprise is no reason to plan anew
+EXPECTED_WITHIN_SHARE = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 
 
 @final
@@ -70,7 +70,7 @@ class VciExecution:
         cell, lengths = self.cell, np.array([plane.length for plane in self.cell.planes])
         states = [(float(place), float(speed)) for place, speed in zip(lam, mu, strict=True)]
         out = np.ones(len(states))
-        if (np.abs(lam - self._expected) > AS_EXPECTED * lengths).any():
+        if (np.abs(lam - self._expected) > EXPECTED_WITHIN_SHARE * lengths).any():
             self._plan(states)
         for slave in self._slaves:
             i = slave.arm
@@ -79,7 +79,7 @@ class VciExecution:
                 out[i] = slave.control.guarded(wanted, *states[i], [states[j] for j in slave.before])
         for i, plane in enumerate(cell.planes):
             self._expected[i] = foresee(
-                plane.edges, *states[i], out[i], self.mode == "speed", cell.physics_tick,
+                plane.edges.steps, *states[i], out[i], self.mode == "speed", cell.physics_tick,
                 cell.ticks_per_period,
             )[0]  # fmt: skip
         return out

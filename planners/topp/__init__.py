@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import EXCESS, Mode, PhasePlane, minimum_time, refined_plane
+from armtempo.planners.topp._phase_plane import LIMIT_EXCESS_MAX, Mode, PhasePlane, minimum_time, refined_plane
 from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 
 __all__ = [
-    "EXCESS",
+    "LIMIT_EXCESS_MAX",
     "Island",
     "JointTrajectory",
     "Mode",

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
-from armtempo.planners.topp._kernels_all import active_rows
+from armtempo.planners.topp._greedy import active_rows
 from armtempo.planners.topp._phase_plane import PhasePlane
 from armtempo.planners.topp._trajectory import PhaseTrajectory
 
-AT_CAP = 1e-6  # share of a speed limit
+AT_CAP_SHARE = 1e-6  # of a speed limit: so near to it a motion is held by it
 
 
 class Island(NamedTuple):
@@ -64,7 +64,7 @@ def diagnose(plane: PhasePlane, motion: PhaseTrajectory | None = None) -> PhaseD
     u = np.divide(np.diff(x), steps, out=np.zeros_like(steps), where=steps > 0.0)
     active, side = np.empty(len(u), dtype=np.int64), np.empty(len(u), dtype=np.int64)
     active_rows(rows, x, u, active, side)
-    capped = np.maximum(x[:-1] / rows.x_cap[:-1], x[1:] / rows.x_cap[1:]) > 1.0 - AT_CAP
+    capped = np.maximum(x[:-1] / rows.x_cap[:-1], x[1:] / rows.x_cap[1:]) > 1.0 - AT_CAP_SHARE
     active = np.where(active >= 0, active, np.where(capped, -1, -2))
     return PhaseDiagnostics(
         grid=rows.station,

@@ -19,8 +19,10 @@ Limits of joint accelerations, ``|f' mu_dot + f'' mu^2| <= a_max``, are further 
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
-from typing import final
+from dataclasses import dataclass
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +30,11 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.robots import Arm
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, kernels
+
+GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
+STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
+SpeedCap = float | Callable[[Floats], ArrayLike]
 
 
 def _read_only(value: ArrayLike) -> Floats:
@@ -38,15 +43,10 @@ def _read_only(value: ArrayLike) -> Floats:
     return array
 
 
-GRADED = 0.05  # share of the grid at either end whose steps shrink towards it: friction is steep in lambda near rest
-STILL = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
-SpeedCap = float | Callable[[Floats], ArrayLike]
-
-
 def moving(dq: Floats) -> Floats:
     """The sign of every joint's motion (..., n), 0 for joints that only rounding moves."""
     fastest = np.abs(dq).max(axis=-1, keepdims=True, initial=0.0)
-    sign: Floats = np.sign(np.where(np.abs(dq) > STILL * fastest, dq, 0.0))
+    sign: Floats = np.sign(np.where(np.abs(dq) > STANDING_SHARE * fastest, dq, 0.0))
     return sign
 
 
@@ -65,11 +65,11 @@ def _coefficients(arm: Arm, q: Floats, dq: Floats, ddq: Floats, sign: Floats) ->
 
 
 def _graded(intervals: int) -> Floats:
-    """(N+1,) shares of the path: equal steps, shrinking linearly to the ends over ``GRADED`` of them."""
+    """(N+1,) shares of the path: equal steps, shrinking linearly to the ends over ``GRADED_SHARE`` of them."""
     t = np.linspace(0.0, 1.0, intervals + 1)
     ends = np.minimum(t, 1.0 - t)
-    inside = np.where(ends < GRADED, ends**2 / (2.0 * GRADED), ends - 0.5 * GRADED)
-    return np.asarray(np.where(t < 0.5, inside, 1.0 - GRADED - inside) / (1.0 - GRADED))
+    inside = np.where(ends < GRADED_SHARE, ends**2 / (2.0 * GRADED_SHARE), ends - 0.5 * GRADED_SHARE)
+    return np.asarray(np.where(t < 0.5, inside, 1.0 - GRADED_SHARE - inside) / (1.0 - GRADED_SHARE))
 
 
 def _reversals(path: AbstractJointPath, joints: Bools) -> Floats:
@@ -92,9 +92,67 @@ def _reversals(path: AbstractJointPath, joints: Bools) -> Floats:
     return np.unique(np.concatenate(found)) if found else np.empty(0)
 
 
+def _read_rows(grid: ArrayLike, M: ArrayLike, Q: ArrayLike, R: ArrayLike, S: ArrayLike) -> dict[str, Floats]:
+    """The coefficients by name, read-only, if their shapes are right."""
+    rows = {name: _read_only(value) for name, value in (("grid", grid), ("M", M))}
+    shape = rows["M"].shape
+    if len(shape) != 2 or rows["grid"].shape != shape[:1] or shape[0] < 2 or shape[1] < 1:
+        raise InputError(f"grid and M must have shapes (N+1,) and (N+1, n), got {rows['grid'].shape} and {shape}")
+    rows |= {name: _read_only(value) for name, value in (("Q", Q), ("R", R), ("S", S))}
+    for name, value in rows.items():
+        if name != "grid" and value.shape != shape:
+            raise InputError(f"{name} must have shape {shape} like M, got {value.shape}")
+    return rows
+
+
+def _read_limits(
+    shape: tuple[int, ...], torque_min: ArrayLike, torque_max: ArrayLike, speed_max: ArrayLike | None
+) -> dict[str, Floats]:
+    """The limits by name, read-only, one row per station."""
+    limits = {}
+    for name, value in (("torque_min", torque_min), ("torque_max", torque_max)):
+        try:
+            limits[name] = _read_only(np.broadcast_to(np.asarray(value, dtype=np.float64), shape))
+        except ValueError:
+            raise InputError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
+    limits["speed_max"] = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max)
+    if limits["speed_max"].shape != shape[:1]:
+        raise InputError(f"speed_max must have shape {shape[:1]}, got {limits['speed_max'].shape}")
+    return limits
+
+
+def _check_numbers(rows: dict[str, Floats], limits: dict[str, Floats]) -> None:
+    """Refuse coefficients and limits that are no numbers or contradict each other."""
+    for name, value in rows.items():
+        if not np.isfinite(value).all():
+            k = int(np.argwhere(~np.isfinite(value))[0][0])
+            raise InputError(f"{name} is not finite at row {k}", row=k)
+    if any(np.isnan(value).any() for value in limits.values()):
+        raise InputError("torque_min, torque_max and speed_max must not hold NaN")
+    if (limits["speed_max"] < 0.0).any():
+        raise InputError("speed_max must not be negative")
+    grid = rows["grid"]
+    if (np.diff(grid) < 0.0).any() or grid[0] == grid[1] or grid[-1] == grid[-2]:
+        raise InputError("grid must rise, and may stay at one station for two rows only between its ends")
+    crossed = np.argwhere(limits["torque_min"] > limits["torque_max"])
+    if len(crossed):
+        k, joint = crossed[0]
+        raise InputError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
+
+
+class _Origin(NamedTuple):
+    """What rows were sampled from."""
+
+    arm: Arm
+    path: AbstractJointPath
+    torque_reserve: float
+    speed_cap: SpeedCap | None
+
+
 @final
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class PathDynamics:
-    """Rows ``U = M mu_dot + Q mu^2 + R mu + S`` with limits, on a grid of stations.
+    """Rows ``U = M mu_dot + Q mu^2 + R mu + S`` with limits, on a grid of stations; read-only.
 
     Rows need not be joints: acceleration limits are rows with ``M = f'`` and ``Q = f''``.
 
@@ -109,13 +167,22 @@ class PathDynamics:
         speed_max: Upper limits of ``mu``, (N+1,), or None.
 
     Attributes:
-        joints: How many of the rows, the first, are torques of joints.
-        arm: What it was made from; None: bare arrays.
-        path: Likewise.
+        joints: How many of the rows, the first, are torques of joints; all, if nothing else was said.
 
     Raises:
         InputError: A shape is wrong, a number is not finite, or limits cross; the message names the argument.
     """
+
+    grid: Floats
+    M: Floats
+    Q: Floats
+    R: Floats
+    S: Floats
+    torque_min: Floats
+    torque_max: Floats
+    speed_max: Floats
+    joints: int
+    _origin: _Origin | None
 
     def __init__(
         self,
@@ -128,43 +195,12 @@ class PathDynamics:
         torque_max: ArrayLike,
         speed_max: ArrayLike | None = None,
     ) -> None:
-        self.grid = _read_only(grid)
-        self.M = _read_only(M)
-        shape = self.M.shape
-        if len(shape) != 2 or self.grid.shape != shape[:1] or shape[0] < 2 or shape[1] < 1:
-            raise InputError(f"grid and M must have shapes (N+1,) and (N+1, n), got {self.grid.shape} and {shape}")
-        self.Q, self.R, self.S = (_read_only(value) for value in (Q, R, S))
-        for name in ("Q", "R", "S"):
-            if getattr(self, name).shape != shape:
-                raise InputError(f"{name} must have shape {shape} like M, got {getattr(self, name).shape}")
-        limits = []
-        for name, value in (("torque_min", torque_min), ("torque_max", torque_max)):
-            try:
-                limits.append(_read_only(np.broadcast_to(np.asarray(value, dtype=np.float64), shape)))
-            except ValueError:
-                raise InputError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
-        self.torque_min, self.torque_max = limits
-        self.speed_max = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max)
-        if self.speed_max.shape != shape[:1]:
-            raise InputError(f"speed_max must have shape {shape[:1]}, got {self.speed_max.shape}")
-        for name in ("grid", "M", "Q", "R", "S"):
-            if not np.isfinite(getattr(self, name)).all():
-                k = int(np.argwhere(~np.isfinite(getattr(self, name)))[0][0])
-                raise InputError(f"{name} is not finite at row {k}", row=k)
-        if np.isnan(self.torque_min).any() or np.isnan(self.torque_max).any() or np.isnan(self.speed_max).any():
-            raise InputError("torque_min, torque_max and speed_max must not hold NaN")
-        if (self.speed_max < 0.0).any():
-            raise InputError("speed_max must not be negative")
-        if (np.diff(self.grid) < 0.0).any() or self.grid[0] == self.grid[1] or self.grid[-1] == self.grid[-2]:
-            raise InputError("grid must rise, and may stay at one station for two rows only between its ends")
-        if (self.torque_min > self.torque_max).any():
-            k, joint = np.argwhere(self.torque_min > self.torque_max)[0]
-            raise InputError(f"torque_min exceeds torque_max at row {k}, joint {joint}", row=int(k), joint=int(joint))
-        self.joints = shape[1]
-        self.arm: Arm | None = None
-        self.path: AbstractJointPath | None = None
-        self._torque_reserve = 0.0
-        self._speed_cap: SpeedCap | None = None
+        rows = _read_rows(grid, M, Q, R, S)
+        shape = rows["M"].shape
+        limits = _read_limits(shape, torque_min, torque_max, speed_max)
+        _check_numbers(rows, limits)
+        for name, value in (rows | limits | {"joints": shape[1], "_origin": None}).items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def from_path(
@@ -226,19 +262,73 @@ class PathDynamics:
         limit = (1.0 - torque_reserve) * arm.torque_max
         limit = np.concatenate([limit, arm.acceleration_max[np.isfinite(arm.acceleration_max)]])
         dynamics = cls(grid, M, Q, R, S, -limit, limit, speed_max)
-        dynamics.joints, dynamics.arm, dynamics.path = arm.dof, arm, path
-        dynamics._torque_reserve, dynamics._speed_cap = torque_reserve, speed_cap
-        return dynamics
+        return dynamics._with(arm.dof, _Origin(arm, path, torque_reserve, speed_cap))
+
+    def _with(self, joints: int, origin: _Origin | None) -> PathDynamics:
+        """The same rows; what they are of."""
+        other = copy.copy(self)
+        object.__setattr__(other, "joints", joints)
+        object.__setattr__(other, "_origin", origin)
+        return other
+
+    def with_joints(self, joints: int) -> PathDynamics:
+        """The same rows, of which the first ``joints`` are torques of joints and the others further limits.
+
+        Raises:
+            InputError: There are not so many rows.
+        """
+        if not 1 <= joints <= self.M.shape[1]:
+            raise InputError(f"joints must be from 1 to the number of rows, {self.M.shape[1]}, got {joints}")
+        return self._with(joints, self._origin)
+
+    @property
+    def arm(self) -> Arm | None:
+        """What it was sampled from; None: bare arrays."""
+        return None if self._origin is None else self._origin.arm
+
+    @property
+    def path(self) -> AbstractJointPath | None:
+        """Likewise."""
+        return None if self._origin is None else self._origin.path
 
     def refined(self, stations: ArrayLike) -> PathDynamics:
         """The same limits with the intervals in which ``stations`` (K,) lie cut in four; needs an arm and a path."""
-        if self.arm is None or self.path is None:
+        if self._origin is None:
             raise InputError("bare arrays cannot be refined", remedy="give a finer grid")
         cut = np.unique(np.clip(np.searchsorted(self.grid, stations, side="right") - 1, 0, len(self.grid) - 2))
         cut = cut[self.grid[cut + 1] > self.grid[cut]]
         new = (self.grid[cut, None] + np.diff(self.grid)[cut, None] * np.array([0.25, 0.5, 0.75])).ravel()
         grid = np.sort(np.concatenate([self.grid, new]))
-        return self._sampled(self.arm, self.path, grid, self._torque_reserve, self._speed_cap)
+        arm, path, torque_reserve, speed_cap = self._origin
+        return self._sampled(arm, path, grid, torque_reserve, speed_cap)
+
+    def between(self, start: float, stop: float, *, intervals: int = 100) -> PathDynamics:
+        """The same limits on the part of the path from ``start`` to ``stop``, in ``intervals`` equal ones or finer.
+
+        Coefficients at new stations are exact if there are an arm and a path; limits are interpolated.
+
+        Raises:
+            InputError: The part is empty or not on the path.
+        """
+        rounding = 1e-9 * self.length
+        if not self.grid[0] - rounding <= start < stop <= self.length + rounding:
+            raise InputError(f"a part must lie in [{self.grid[0]:.6g}, {self.length:.6g}], got [{start}, {stop}]")
+        inside = (self.grid > start) & (self.grid < stop)
+        more = np.linspace(start, stop, intervals + 1)
+        more = more[~np.isin(more, self.grid[inside])]
+        M, Q, R, S = self.evaluate(more)
+        grid = np.concatenate([self.grid[inside], more])
+        order = np.argsort(grid, kind="stable")
+        after = np.clip(np.searchsorted(self.grid, more, side="right"), 1, len(self.grid) - 1)
+        w = ((more - self.grid[after - 1]) / (self.grid[after] - self.grid[after - 1]))[:, None]
+        low, high = ((1.0 - w) * rows[after - 1] + w * rows[after] for rows in (self.torque_min, self.torque_max))
+        slower = np.minimum(self.speed_max[after - 1], self.speed_max[after])
+        known = (self.M, self.Q, self.R, self.S, self.torque_min, self.torque_max, self.speed_max)
+        joined = (
+            np.concatenate([rows[inside], new])[order]
+            for rows, new in zip(known, (M, Q, R, S, low, high, slower), strict=True)
+        )
+        return PathDynamics(grid[order], *joined)._with(self.joints, self._origin)
 
     @property
     def length(self) -> float:
@@ -248,15 +338,15 @@ class PathDynamics:
     def evaluate(self, lam: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
         """M, Q, R, S at any ``lam``, each (..., rows): exact from arm and path, else interpolated between stations."""
         lam = np.asarray(lam, dtype=np.float64)
-        if self.arm is None or self.path is None:
+        if self._origin is None:
             M, Q, R, S = (
                 np.stack([np.interp(lam, self.grid, column) for column in rows.T], axis=-1)
                 for rows in (self.M, self.Q, self.R, self.S)
             )
             return M, Q, R, S
         flat = np.atleast_1d(lam).reshape(-1)
-        q, dq, ddq = self.path.evaluate(flat)
-        rows = _coefficients(self.arm, q, dq, ddq, moving(dq))
+        q, dq, ddq = self._origin.path.evaluate(flat)
+        rows = _coefficients(self._origin.arm, q, dq, ddq, moving(dq))
         M, Q, R, S = (row.reshape(*lam.shape, -1) for row in rows)
         return M, Q, R, S
 

@@ -18,28 +18,19 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import ActionError, InfeasibleError, InputError
-from armtempo.planners.topp._kernels_all import (
-    FIXED,
-    MOST,
-    Edges,
-    Rows,
-    acceleration_bounds,
-    admissible_sets,
-    advance,
-    controllable_sets,
-    edge_speed,
-    follow_edges,
-    greedy_profile,
-)
+from armtempo.planners.topp._advance import acceleration_bounds, advance, edge_speed, record_motion
+from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, admissible_sets, controllable_sets
+from armtempo.planners.topp._greedy import follow_edges, greedy_profile
 from armtempo.planners.topp._path_dynamics import PathDynamics
+from armtempo.planners.topp._rows import COLUMNS_PER_ROW, STEP_HEADER_COLUMNS, Edges, Rows
 from armtempo.planners.topp._trajectory import PhaseTrajectory
 
 Mode = Literal["speed", "acceleration"]
 
-NO_RECORD = np.empty((0, 3))
+NO_TICKS = np.empty(0)
 NO_PROFILE = np.empty(0)
-EXCESS = 1e-3  # share of a limit that dense sampling may find above it
-REFINEMENTS = 10
+LIMIT_EXCESS_MAX = 1e-3  # of a limit: what dense sampling may find above it
+REFINEMENTS_MAX = 10
 
 
 @final
@@ -52,7 +43,7 @@ class PhasePlane:
 
     Attributes:
         rows: The limits as arrays for compiled loops.
-        sets: (N+1, MOST, 2) the controllable set: rising intervals of ``mu^2`` from which the end can be met.
+        sets: (N+1, K, 2) the controllable set: rising intervals of ``mu^2`` from which the end can be met.
         counts: (N+1,) how many of them; more than one only with viscous friction.
 
     Raises:
@@ -74,7 +65,7 @@ class PhasePlane:
             np.minimum(dynamics.speed_max, 1e6) ** 2,
         )
         count = len(dynamics.grid)
-        self.sets, self.counts = np.zeros((count, MOST, 2)), np.zeros(count, dtype=np.int64)
+        self.sets, self.counts = np.zeros((count, SET_INTERVALS_MAX, 2)), np.zeros(count, dtype=np.int64)
         failed = controllable_sets(self.rows, self.mu_end**2, False, NO_PROFILE, self.sets, self.counts)
         if failed >= 0:
             raise self._explain(failed)
@@ -96,7 +87,7 @@ class PhasePlane:
                 if failed >= 0:
                     raise self._explain(failed)
         count = len(self.rows.station)
-        steps = np.zeros((count, FIXED + 11 * self.rows.a.shape[1]))
+        steps = np.zeros((count, STEP_HEADER_COLUMNS + COLUMNS_PER_ROW * self.rows.a.shape[1]))
         edges = Edges(np.zeros(count), np.zeros(count), np.zeros(count - 1), np.zeros(count - 1), steps)
         follow_edges(self.rows, sets, edges)
         return edges
@@ -209,17 +200,17 @@ class PhasePlane:
 
     def acceleration_bounds(self, lam: float, mu: float) -> tuple[float, float]:
         """LB and UB (Lee1991 eqs. 9-10): the largest deceleration and acceleration the torque limits allow there."""
-        low, high = acceleration_bounds(self.rows, float(lam), float(mu) ** 2)
+        low, high = acceleration_bounds(self.edges.steps, float(lam), float(mu) ** 2)
         return float(low), float(high)
 
     @property
     def controllable(self) -> Floats:
-        """(N+1, MOST, 2) the intervals of ``mu`` from which the end can be met; NaN where there are fewer."""
+        """(N+1, K, 2) the intervals of ``mu`` from which the end can be met; NaN where there are fewer."""
         return _speeds(self.sets, self.counts)
 
     @cached_property
     def admissible(self) -> Floats:
-        """(N+1, MOST, 2) the intervals of ``mu`` in which some ``mu_dot`` keeps the limits of the station; else NaN.
+        """(N+1, K, 2) the intervals of ``mu`` in which some ``mu_dot`` keeps the limits of the station; else NaN.
 
         Without friction there is one, under the velocity limit curve; with it islands may be cut out (Lee1991 eq. 10).
         """
@@ -243,8 +234,8 @@ class PhasePlane:
         highest admissible ``mu_dot``. From every state reached so, the end can be met at rest.
         """
         command = self._checked(command, lam, mu, dt)
-        lam, mu, used, _ = advance(
-            self.rows, self.edges, float(lam), float(mu), command, mode == "speed", float(dt), NO_RECORD, 0
+        lam, mu, used = advance(
+            self.edges.steps, float(lam), float(mu), command, mode == "speed", float(dt), 1, NO_TICKS, NO_TICKS
         )
         return float(lam), float(mu), float(used)
 
@@ -374,8 +365,8 @@ class PhasePlane:
         for command, dt in zip(np.atleast_1d(commands), np.atleast_1d(times), strict=True):
             step = min(float(dt), 1e3)
             command = self._checked(command, lam, mu, step)
-            lam, mu, used, count = advance(
-                self.rows, self.edges, lam, mu, float(command), mode == "speed", step, record, 0
+            lam, mu, used, count = record_motion(
+                self.edges.steps, float(lam), float(mu), command, mode == "speed", step, 1, record
             )
             if count:
                 pieces.append(record[:count] + np.array([clock, 0.0, 0.0]))
@@ -395,7 +386,7 @@ class PhasePlane:
 
     def edge_speed(self, lam: float) -> float:
         """``mu*`` at one station, without NumPy's overhead."""
-        return float(edge_speed(self.rows, self.edges, lam))
+        return float(edge_speed(self.edges.steps, lam))
 
 
 def _speeds(sets: Floats, counts: Ints) -> Floats:
@@ -418,13 +409,13 @@ def refined_plane(
     if dynamics.arm is None:
         return PhasePlane(dynamics, mu_end)
     name = dynamics.arm.name
-    for _ in range(REFINEMENTS):
+    for _ in range(REFINEMENTS_MAX):
         plane = PhasePlane(dynamics, mu_end)
         motions = [plane.fastest(mu_start)]
         if tick:
             ticks = int(1.5 * motions[0].duration / tick) + 2
             motions.append(plane.motion(np.ones(ticks), np.full(ticks, tick), mu=mu_start))
-        stations = np.concatenate([motion.stations_above(EXCESS) for motion in motions])
+        stations = np.concatenate([motion.stations_above(LIMIT_EXCESS_MAX) for motion in motions])
         if not len(stations):
             return plane
         dynamics = dynamics.refined(stations)

@@ -13,8 +13,8 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
-INSTANT = 1e-12  # share of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
-INSIDE = 1e-9  # share of an interval: each end belongs to its own interval, coefficients may jump at a station
+INSTANT_SHARE = 1e-12  # of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
+INSIDE_SHARE = 1e-9  # of an interval: each end belongs to its own interval, coefficients may jump at a station
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,13 +40,8 @@ class MotionCertificate:
     end_speed_error: float
 
     @property
-    def torque_excess(self) -> float:
-        """How far the worst torque is above its limit, as a share of it; 0 if it is not."""
-        return max(self.torque_ratio_max - 1.0, 0.0)
-
-    @property
     def excess(self) -> float:
-        """The same for the worst of torque, speed and acceleration."""
+        """How far the worst of torque, speed and acceleration is above its limit, as a share of it; 0 if none is."""
         return max(self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0) - 1.0
 
 
@@ -88,7 +83,7 @@ class PhaseTrajectory:
     def mu_dot(self) -> Floats:
         """(N,) path acceleration between rows; between rows of one instant that of the rows after them."""
         steps = np.diff(self.time)
-        lasting = steps > INSTANT * self.duration
+        lasting = steps > INSTANT_SHARE * self.duration
         value = np.divide(np.diff(self.mu), steps, out=np.zeros_like(steps), where=lasting)
         if lasting.any():
             of = np.flatnonzero(lasting)
@@ -139,7 +134,7 @@ class PhaseTrajectory:
 
     def torque(self) -> Floats:
         """(N, 2, n) torques at the start and the end of every interval [N m]."""
-        inside = INSIDE * np.diff(self.lam)
+        inside = INSIDE_SHARE * np.diff(self.lam)
         both = np.stack([self.lam[:-1] + inside, self.lam[1:] - inside], axis=1)
         speed = np.stack([self.mu[:-1], self.mu[1:]], axis=1)
         return self.dynamics.torque(both, speed, np.repeat(self.mu_dot[:, None], 2, axis=1))
@@ -147,7 +142,7 @@ class PhaseTrajectory:
     def _samples(self) -> tuple[Floats, Floats, Floats]:
         """``lam``, ``mu``, ``mu_dot`` (N, CERTIFY_SAMPLES) inside every interval."""
         w = np.linspace(0.0, 1.0, CERTIFY_SAMPLES)
-        w[0], w[-1] = INSIDE, 1.0 - INSIDE
+        w[0], w[-1] = INSIDE_SHARE, 1.0 - INSIDE_SHARE
         lam = self.lam[:-1, None] + w * np.diff(self.lam)[:, None]
         mu = np.sqrt(np.maximum(self.mu[:-1, None] ** 2 + w * np.diff(self.mu**2)[:, None], 0.0))
         return lam, mu, np.broadcast_to(self.mu_dot[:, None], lam.shape)

@@ -1,14 +1,31 @@
-"""Compiled loops that other rooms call. Not public: they change without notice."""
+"""Compiled loops that other rooms call, and the columns of ``Edges.steps``. Not public: they change without notice."""
 
 from __future__ import annotations
 
-from armtempo.planners.topp._kernels_all import FIXED, Edges, Rows, bounds_in, find, run
+from armtempo.planners.topp._advance import advance, bounds_in, edge_speed, interval_at, upper_edge
+from armtempo.planners.topp._rows import (
+    COLUMNS_PER_ROW,
+    EDGE_HIGH,
+    EDGE_LOW,
+    EDGE_LOW_NEXT,
+    STATION,
+    STEP_HEADER_COLUMNS,
+    Edges,
+    Rows,
+)
 
 __all__ = [
-    "FIXED",
+    "COLUMNS_PER_ROW",
+    "EDGE_HIGH",
+    "EDGE_LOW",
+    "EDGE_LOW_NEXT",
+    "STATION",
+    "STEP_HEADER_COLUMNS",
     "Edges",
     "Rows",
+    "advance",
     "bounds_in",
-    "find",
-    "run",
+    "edge_speed",
+    "interval_at",
+    "upper_edge",
 ]

@@ -10,12 +10,12 @@ import hashlib
 import io
 import logging
 import os
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import platformdirs
 from numpy.typing import NDArray
 
 from armtempo.files import whole_file
@@ -31,16 +31,8 @@ def cache_folder() -> Path | None:
     named = os.environ.get("ARMTEMPO_CACHE", "")
     if named:
         return None if named.lower() == "off" else Path(named)
-    try:
-        if sys.platform == "win32":
-            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-        elif sys.platform == "darwin":
-            base = Path.home() / "Library" / "Caches"
-        else:
-            base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:  # no home
-        return None
-    return base / "armtempo"
+    folder = platformdirs.user_cache_path("armtempo", appauthor=False)
+    return folder if folder.is_absolute() else None  # no home
 
 
 def content_key(parts: Iterable[object]) -> str:

@@ -5,8 +5,9 @@ Every message is one line: what was wrong, where, and what to do. Commands print
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from inspect import signature
 from typing import Any, Self
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "RenderError",
     "RobotError",
     "UnknownNameError",
+    "check_keywords",
 ]
 
 
@@ -86,3 +88,15 @@ class UnknownNameError(ArmtempoError, LookupError):
         hint = f"did you mean {close[0]!r}? " if close else ""
         remedy = remedy or f"{hint}known: {', '.join(choices)}"
         super().__init__(f"unknown {kind} {name!r}", remedy=remedy, kind=kind, name=name, known=choices)
+
+
+def check_keywords(function: Callable[..., object], extra: Mapping[str, object], known: Iterable[str]) -> None:
+    """Raise UnknownNameError for the first of a call's ``extra`` keywords (its ``**``) that is not ``known``.
+
+    The message names the nearest one among all keywords of the function.
+    """
+    known = list(known)
+    for name in extra:
+        if name not in known:
+            named = [p.name for p in signature(function).parameters.values() if p.kind is not p.VAR_KEYWORD]
+            raise UnknownNameError("keyword", name, [*named, *known])

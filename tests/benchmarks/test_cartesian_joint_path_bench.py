@@ -15,7 +15,7 @@ from armtempo.planners import PathDynamics, minimum_time
 from armtempo.planners.joint_paths import CartesianJointPath
 
 _spec = importlib.util.spec_from_file_location(
-    "cartesian_joint_path", Path(__file__).parents[1] / "planners" / "test_cartesian_joint_path.py"
+    "cartesian_joint_path", Path(__file__).parents[1] / "planners" / "joint_paths" / "test_cartesian_joint_path.py"
 )
 assert _spec is not None
 assert _spec.loader is not None

@@ -24,7 +24,7 @@ RUNS = int(os.environ.get("ARMTEMPO_BENCH_RUNS", "1000"))
 
 def _tests() -> Any:
     """The tests' own random runs: what is claimed here is what they try."""
-    path = Path(__file__).parents[1] / "planners" / "test_feedback_ik.py"
+    path = Path(__file__).parents[1] / "planners" / "ik" / "test_feedback.py"
     spec = importlib.util.spec_from_file_location("feedback_ik_runs", path)
     assert spec is not None
     assert spec.loader is not None

@@ -13,8 +13,7 @@ import pybullet_data
 import pytest
 
 from armtempo.planners import JointPath, PathDynamics
-from armtempo.robots import Arm
-from armtempo.robots import _kernels as kernels
+from armtempo.robots import Arm, kernels
 
 IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 STATIONS = 1001

@@ -24,6 +24,14 @@ ppo: {rollout_steps: 64, batch_size: 64, epochs: 1, first_action: 1.0, log_std_s
 """
 
 
+ONE_ARM = {
+    "blend": TRAINING.replace("coordination: {cells: [lee1991]}", "blend_tracking: {cell: lee2006, physics: ideal}"),
+    "ik": TRAINING.replace(
+        "coordination: {cells: [lee1991]}", "feedback_ik: {cell: short.yaml, physics: ideal, action_mode: gains}"
+    ),
+}
+
+
 @pytest.fixture(autouse=True)
 def _work_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -59,6 +67,20 @@ def test_train_then_evaluate_in_one_table_with_planners(capsys: pytest.CaptureFi
     assert table["policies"]["optimal"]["interventions"] is None
 
 
+@pytest.mark.parametrize("kind", list(ONE_ARM))
+def test_the_last_table_has_what_rows_of_the_kind_have(
+    kind: str, short_ik_cell: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("tensorboard")
+    Path("one.yaml").write_text(ONE_ARM[kind], encoding="utf-8")
+    assert main(["train", "one.yaml", "--json", "curve.json"]) == 0
+    out = capsys.readouterr().out
+    assert "reward" in out
+    assert "makespan" not in out
+    assert [row["steps"] for row in json.loads(Path("curve.json").read_text())["curve"]] == [0, 128, 256]
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
@@ -70,7 +92,7 @@ def test_train_then_evaluate_in_one_table_with_planners(capsys: pytest.CaptureFi
         (["evaluate", "lee1991", "--policies", "ppo:no.npz"], "no such agent file"),
         (["evaluate", "lee1991", "--start-phase", "0.5", "0.2"], "--start-phase must be"),
         (["evaluate", "lee1991", "--observation-noise", "-1"], "--observation-noise must be"),
-        (["evaluate", "lee2006", "--shield"], "--shield: for cells of several arms"),
+        (["evaluate", "lee2006", "--shield"], "unknown option of armtempo evaluate in blend cells '--shield'"),
     ],
 )
 def test_errors_are_one_line(line: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

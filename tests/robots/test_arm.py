@@ -13,9 +13,8 @@ import pybullet_data
 import pytest
 
 from armtempo.arrays import Floats
-from armtempo.errors import RobotError
-from armtempo.robots import Arm, Tool
-from armtempo.robots import _kernels as kernels
+from armtempo.errors import RobotError, UnknownNameError
+from armtempo.robots import Arm, Tool, kernels
 
 pin: Any = importlib.import_module("pinocchio")  # without types of its own
 
@@ -370,6 +369,13 @@ def test_limits_can_be_replaced() -> None:
     np.testing.assert_array_equal(arm.speed_max, [2, 4])
     np.testing.assert_allclose(arm.position_min, [-2 * np.pi, -1])
     np.testing.assert_allclose(arm.position_max, [2 * np.pi, 2])
+
+
+def test_a_misspelt_keyword_is_told_with_the_nearest_one() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown keyword 'torque_mx' \(did you mean 'torque_max'\?"):
+        Arm.from_urdf(PLANAR, torque_mx=[1.0, 2.0])  # type: ignore[call-arg]
+    with pytest.raises(UnknownNameError, match=r"did you mean 'tip_link'\?"):
+        Arm.from_urdf(PLANAR, tip_lnk="tool")  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize(

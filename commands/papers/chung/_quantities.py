@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -35,11 +34,10 @@ from armtempo.commands.papers.chung._run import (
     still,
     turning,
 )
-
-if TYPE_CHECKING:
-    from armtempo.planners import PoseTarget
-    from armtempo.planners.ik import IKRun, Integrator
-    from armtempo.robots import Arm
+from armtempo.configs import data_path
+from armtempo.planners import FeedbackIK, IKGains, NewtonIK, PoseTarget, ResolvedRateIK
+from armtempo.planners.ik import INTEGRATORS, IKRun, Integrator, SphericalWristIK
+from armtempo.robots import Arm
 
 Turned = dict[float, "IKRun"]  # at a fixed target, by how far the approach axis starts from it [deg]
 STARTS_DEG = (10.0, 30.0, 60.0, 90.0, 120.0)
@@ -73,9 +71,6 @@ def _late(errors: Floats, time: Floats) -> float:
 
 
 def _steady(found: Chung) -> list[Quantity]:
-    from armtempo.planners import NewtonIK
-    from armtempo.planners.ik import INTEGRATORS
-
     section = "Errors once settled"
     rows = []
     printed: dict[tuple[bool, Integrator, float], tuple[float | None, str]] = {
@@ -122,8 +117,6 @@ def _steady(found: Chung) -> list[Quantity]:
 
 
 def _law(arm: Arm, turned: Turned) -> list[Quantity]:
-    from armtempo.planners import FeedbackIK, IKGains, PoseTarget
-
     section = "What the law does"
     T = arm.tip_pose(POSTURE)
     aside = T.copy()
@@ -160,8 +153,6 @@ def _fixed_run(arm: Arm, turned: Rotation) -> IKRun:
 
 
 def _fixed_target(arm: Arm, turned: Rotation) -> PoseTarget:
-    from armtempo.planners import PoseTarget
-
     T = arm.tip_pose(POSTURE)
     T[:3, :3] = T[:3, :3] @ turned.as_matrix().T
     return PoseTarget.sample(still(T), 0.4, 2e-4)
@@ -228,8 +219,6 @@ def _our_bounds(found: Chung) -> list[Quantity]:
 
 
 def _failures(found: Chung) -> list[Quantity]:
-    from armtempo.planners import ResolvedRateIK
-
     section = "Where inverting fails"
     settled = found.target.time > SETTLED
     rows = []
@@ -281,10 +270,6 @@ def _while_held(hard: Hard, error: Floats) -> float:
 
 
 def _reading(found: Chung) -> list[Quantity]:
-    from armtempo.configs import data_path
-    from armtempo.planners.ik import SphericalWristIK
-    from armtempo.robots import Arm
-
     section = "Where its arm stands"
     ik = SphericalWristIK(found.arm)
     p = papers_path(np.linspace(0.0, 0.5 * PERIOD, 1001))[0]  # half a period: the other half is the way back

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.configs import IKCellConfig, load_cell_config
-
-if TYPE_CHECKING:
-    from armtempo.planners import FeedbackIK, PoseTarget
-    from armtempo.planners.ik import IKRun, Integrator
-    from armtempo.robots import Arm
+from armtempo.planners import FeedbackIK, IKCell, IKGains, PoseTarget, ResolvedRateIK, load_cell
+from armtempo.planners.ik import INTEGRATORS, IKRun, Integrator, SphericalWristIK
+from armtempo.robots import Arm
 
 Rates = tuple[Floats, Floats, Floats, Floats]
 Motion = Callable[[Floats], Rates]
@@ -51,8 +49,6 @@ def papers_path(t: Floats) -> Rates:
 
 def papers_law(arm: Arm, **options: Any) -> FeedbackIK:
     """The law with the paper's gains; ``options`` of ``FeedbackIK``."""
-    from armtempo.planners import FeedbackIK, IKGains
-
     return FeedbackIK(arm, IKGains(position=KP, approach=KA, normal=KN), **options)
 
 
@@ -124,9 +120,6 @@ class Chung(NamedTuple):
 
 def run() -> Chung:
     """Track all targets."""
-    from armtempo.planners import IKCell, PoseTarget, load_cell
-    from armtempo.planners.ik import INTEGRATORS
-
     cell = load_cell("chung", IKCell)
     arm, target, on_path = cell.arm, cell.target, cell.start
     laws = {fed: papers_law(arm, feed_forward=fed, joint_speed_max=UNCAPPED) for fed in (False, True)}
@@ -142,8 +135,6 @@ def run() -> Chung:
 
 
 def _outside(arm: Arm) -> Hard:
-    from armtempo.planners import PoseTarget
-
     T = arm.tip_pose(POSTURE)
     way = T[:3, 3] - SHOULDER
     way *= (REACH + 0.28) / np.linalg.norm(way) - 1.0
@@ -152,9 +143,6 @@ def _outside(arm: Arm) -> Hard:
 
 def _singular(arm: Arm) -> Hard:
     """The tool turns so that the wrist passes its straight posture at 0.01 rad."""
-    from armtempo.planners import PoseTarget
-    from armtempo.planners.ik import SphericalWristIK
-
     straight = POSTURE * [1, 1, 1, 1, 0, 1]
     T = arm.tip_pose(straight)
     lost = np.linalg.svd(arm.jacobian(straight))[0][3:, -1]
@@ -188,8 +176,6 @@ def _printed_law(arm: Arm, target: PoseTarget, start: Floats) -> tuple[Floats, F
 
 
 def _noisy(arm: Arm, target: PoseTarget, start: Floats) -> dict[str, Follower]:
-    from armtempo.planners import PoseTarget, ResolvedRateIK
-
     clean, R, h = target.position[::2], target.rotation[::2], target.step
     differentiated = ResolvedRateIK(arm, position_noise=NOISE).track(target, start)
     measured = clean + NOISE * np.random.default_rng(0).normal(size=(2, len(clean), 3))[0]  # what that one sees

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +10,8 @@ from matplotlib.figure import Figure
 
 from armtempo.commands.figures._style import ARM_COLORS, FAINT, INK, MUTED, new_figure, note, styled
 from armtempo.commands.papers.lee2006._quantities import MM, REMAINING_MM, TICK, Run, corner, differenced_error
-
-if TYPE_CHECKING:
-    from armtempo.planners import BlendCell
-    from armtempo.planners.blends import Blend
+from armtempo.planners import BlendCell, BlendedPath
+from armtempo.planners.blends import Blend
 
 SHADES = ("#24476B", "#3F6F9F", "#6B9AC4", "#9CC3E0")  # of one family of curves, the largest first
 STEP_MM = 1.0  # between the points of Figs. 8 and 9
@@ -104,8 +101,6 @@ def _shape_factors() -> Figure:
 @styled
 def _variations(factor: float, title: str) -> Figure:
     """First and second differences of points at equal lengths, through a corner of 90 degrees with L_r = 150 mm."""
-    from armtempo.planners import BlendedPath
-
     remaining = 0.150
     path = BlendedPath.through(
         [[2.0 * remaining, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 2.0 * remaining, 0.0]], remaining, shape_factor=factor

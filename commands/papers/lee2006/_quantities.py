@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.commands.papers._reproduction import Quantity
-
-if TYPE_CHECKING:
-    from armtempo.planners import BlendCell, BlendedPath
-    from armtempo.planners.blends import Blend, LengthMapping
-
+from armtempo.planners import BlendCell, BlendedPath, Line, PredictorCorrector, blend
+from armtempo.planners.blends import Blend, ExactMapping, LengthMapping, arc_length
 
 MM = 1e3  # per metre
 TICK = 0.002  # [s] the paper's control period, which it does not print; all its instants are multiples of it
@@ -46,8 +43,6 @@ class Run(NamedTuple):
 
 def corner(angle_deg: float, remaining: float, shape_factor: float) -> Blend:
     """The blend of two lines that meet at the origin under an angle, the first along x; lengths in the same unit."""
-    from armtempo.planners import Line, blend
-
     turned = math.radians(angle_deg)
     far = 2.0 * remaining * np.array([math.cos(turned), math.sin(turned), 0.0])
     near = np.array([2.0 * remaining, 0.0, 0.0])
@@ -56,8 +51,6 @@ def corner(angle_deg: float, remaining: float, shape_factor: float) -> Blend:
 
 def run(cell: BlendCell) -> Run:
     """The paper's run at its ticks: profile and mapping of the paper beside the exact one."""
-    from armtempo.planners import PredictorCorrector
-
     profile, path = cell.line_speed, cell.blended
     time = np.arange(0.0, profile.duration + TICK, TICK)
     s, v, a, _ = profile.at(time)
@@ -137,8 +130,6 @@ def differenced_error(points: Floats, s: Floats) -> Floats:
 
 def _arc_error(path: BlendedPath, s: Floats, mapping: LengthMapping) -> float:
     """The largest error of the speed inside the blends, by the lengths of the curve between ticks [%]."""
-    from armtempo.planners.blends import Blend, arc_length
-
     pieces, u = mapping.parameters(s)
     worst = 0.0
     for k, piece in enumerate(path.pieces):
@@ -150,9 +141,6 @@ def _arc_error(path: BlendedPath, s: Floats, mapping: LengthMapping) -> float:
 
 
 def _beyond(cell: BlendCell, sampled: Run) -> list[Quantity]:
-    from armtempo.planners import PredictorCorrector
-    from armtempo.planners.blends import ExactMapping
-
     section = "Not printed"
     path, limits = cell.blended, cell.limits
     quintic = cell.variant(curve="quintic")

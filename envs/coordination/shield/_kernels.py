@@ -15,26 +15,33 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.world import World, length_of, steps_of
+from armtempo.planners.charts.kernels import cell_at
 from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import inlined, njit
 
 Orders = NDArray[np.int8]
 
-MARGIN = 1e-7  # of a path: how far behind a limit an arm is kept
-HERE = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
-STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
-PARTS = 8  # of a tick, in which limits are asked; a power of two, so that a tick has the same bits in parts
-SURE = 0.98  # of the square of a speed: what braking in other pieces may change is far less
-ALL = 1 << 40  # parts: as many as there are until rest
-SWEEPS = 8  # after which arms that still do not fit brake
+LIMIT_MARGIN_SHARE = 1e-7  # of a path: how far behind a limit an arm is kept
+COMMAND_STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
+PARTS_PER_TICK = 8  # in which limits are asked; a power of two, so that a tick has the same bits in parts
+BRAKING_SAFETY_SQUARED = 0.98  # of the square of a speed: what braking in other pieces may change is far less
+UNTIL_REST = 1 << 40  # parts: as many as there are
+CUTTING_SWEEPS = 8  # after which arms that still do not fit brake
+
+NOBODY_WAITS = 2  # an order, beside 0 and 1
+# Columns of ``ShieldTables.region``.
+WAITING_ARM, LEADING_ARM, FIRST_CELL, CELL_COUNT, LIMIT_OFFSET = range(5)
+REGION_COLUMNS = 5
+# Rows of ``ShieldWork``: the command for one period, then braking; braking from now on.
+COMMANDED, BRAKING = range(2)
 
 
 class ShieldTables(NamedTuple):
     """What does not change during an episode; R regions, A arms."""
 
     buffer: Floats  # limits, one after the other
-    region: Ints  # (R, 2, 5) [r, who passes first: 0 is a, 1 is b]: second arm, first arm, and its limit: its first
-    #               cell on the first arm's path, number of cells, where it begins in the buffer
+    region: Ints  # (R, 2, 5) [r, who passes first: 0 is a, 1 is b]: who waits, who leads, and the limit: its first cell
+    #               on the leading arm's path, number of cells, where it begins in the buffer
     cells: Ints  # (A, A) resolution of the pair's chart
     candidates: Orders  # (C, R) orders to begin with, the preferred first
     holdable: Bools  # (A,) whether the arm can stand wherever it is
@@ -50,14 +57,14 @@ class ShieldWork(NamedTuple):
     rest: Bools  # (2, A) whether the arm is at rest from there on
     speed: Floats  # (2, A, P + 1) at the begin of every period
     orders: Orders  # (2, R)
-    lam: Floats  # (2, A)
-    speeds: Floats  # (PARTS * ticks of a period,)
+    lam: Floats  # (2, A) where arms are, and how far they may go
+    speeds: Floats  # (parts of a period,)
 
 
 class Limit(NamedTuple):
-    """How far the second arm of a region may go, by cells of the first arm's path."""
+    """How far the waiting arm of a region may go, by cells of the leading arm's path."""
 
-    per_length: float  # cells of the first arm's whole path per length
+    per_length: float  # cells of the leading arm's whole path per length
     cells: int  # of the whole path
     begin: int  # the region's first cell
     span: int  # number of its cells
@@ -67,19 +74,31 @@ class Limit(NamedTuple):
 @inlined
 def limit_of(world: World, tables: ShieldTables, r: int, order: int) -> Limit:
     region = tables.region
-    j = region[r, order, 1]
-    cells = tables.cells[region[r, order, 0], j]
-    return Limit(cells / length_of(world, j), cells, region[r, order, 2], region[r, order, 3], region[r, order, 4])
+    j = region[r, order, LEADING_ARM]
+    cells = tables.cells[region[r, order, WAITING_ARM], j]
+    return Limit(
+        cells / length_of(world, j),
+        cells,
+        region[r, order, FIRST_CELL],
+        region[r, order, CELL_COUNT],
+        region[r, order, LIMIT_OFFSET],
+    )
 
 
 @inlined
 def limit_at(buffer: Floats, of: Limit, place: float) -> float:
-    """How far the second arm of a region may go while the first is at ``place`` of its path."""
-    cell = min(max(int(place * of.per_length - HERE), 0), of.cells - 1) - of.begin
+    """How far the waiting arm of a region may go while the leading one is at ``place`` of its path."""
+    cell = cell_at(place, of.per_length, of.cells) - of.begin
     limit = np.inf
     if cell < of.span:
         limit = buffer[of.offset + max(cell, 0)]
     return limit
+
+
+@inlined
+def limit_now(world: World, tables: ShieldTables, r: int, order: int, lam: Floats) -> float:
+    """How far the waiting arm of region r may go while all arms are at ``lam`` (A,)."""
+    return limit_at(tables.buffer, limit_of(world, tables, r, order), lam[tables.region[r, order, LEADING_ARM]])
 
 
 @njit
@@ -90,10 +109,9 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, re
         for i in range(lam.shape[0]):
             reach[i] = length_of(world, i)
         for r in range(orders.shape[0]):
-            if orders[r] < 2:
-                i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
-                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
-                reach[i] = min(reach[i], limit - MARGIN * length_of(world, i))
+            if orders[r] < NOBODY_WAITS:
+                i, limit = tables.region[r, orders[r], WAITING_ARM], limit_now(world, tables, r, orders[r], lam)
+                reach[i] = min(reach[i], limit - LIMIT_MARGIN_SHARE * length_of(world, i))
         moved = False
         for i in range(lam.shape[0]):
             if reach[i] > lam[i]:
@@ -117,11 +135,11 @@ def first_orders(
         for r in range(orders.shape[0]):
             orders[r] = tables.candidates[c, r]
             for _ in range(2):
-                if orders[r] == 2:
+                if orders[r] == NOBODY_WAITS:
                     break
-                i, j = tables.region[r, orders[r], 0], tables.region[r, orders[r], 1]
-                limit = limit_at(tables.buffer, limit_of(world, tables, r, orders[r]), lam[j])
-                if lam[i] <= limit - MARGIN * length_of(world, i):
+                i, j = tables.region[r, orders[r], WAITING_ARM], tables.region[r, orders[r], LEADING_ARM]
+                limit = limit_now(world, tables, r, orders[r], lam)
+                if lam[i] <= limit - LIMIT_MARGIN_SHARE * length_of(world, i):
                     break
                 if orders[r] != tables.candidates[c, r] or scripted[i] or scripted[j]:
                     obeyed = False
@@ -149,8 +167,9 @@ def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
         station = ((m + 1) * last) // count
         before[station:] = m
         for k in range(station - 1, -1, -1):
-            low, high = braked[max(m - 1, 0), k], steps[k, 5]
-            most, d2 = braked[m, k + 1], 2.0 * (steps[k + 1, 0] - steps[k, 0])
+            low, high = braked[max(m - 1, 0), k], steps[k, phase_kernels.EDGE_HIGH]
+            most = braked[m, k + 1]
+            d2 = 2.0 * (steps[k + 1, phase_kernels.STATION] - steps[k, phase_kernels.STATION])
             x = high
             for _ in range(25 if low < high else 0):  # from the edge itself first: mostly that is it
                 begin, _ = phase_kernels.bounds_in(steps, k, 0.0, x, 0.0)
@@ -177,13 +196,14 @@ def stops_before(
         return False
     if mu <= 0.0:
         return True
-    m = before[phase_kernels.find(steps, limit - mu * tick)]
+    m = before[phase_kernels.interval_at(steps, limit - mu * tick)]
     if m < 0:
         return False
-    k = phase_kernels.find(steps, lam)
+    k = phase_kernels.interval_at(steps, lam)
     x, after = braked[m, k], braked[m, k + 1]
-    x += (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0]) * (after - x)
-    return mu * mu <= SURE * x  # type: ignore[no-any-return]
+    begin, stop = steps[k, phase_kernels.STATION], steps[k + 1, phase_kernels.STATION]
+    x += (lam - begin) / (stop - begin) * (after - x)
+    return mu * mu <= BRAKING_SAFETY_SQUARED * x  # type: ignore[no-any-return]
 
 
 @njit
@@ -208,9 +228,9 @@ def _foresee(
     k = length[row, i]
     if k >= until or (k > 0 and rest[row, i]):
         return k  # type: ignore[no-any-return]
-    part, end, last = tick / PARTS, steps[steps.shape[0] - 1, 0], places.shape[0] - 1
+    part, end, last = tick / PARTS_PER_TICK, steps[steps.shape[0] - 1, phase_kernels.STATION], places.shape[0] - 1
     if k == 0:
-        _, speed[1], _ = phase_kernels.run(
+        _, speed[1], _ = phase_kernels.advance(
             steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
         )
         rest[row, i] = False
@@ -226,7 +246,7 @@ def _foresee(
             rest[row, i] = True
             break
         before = place
-        place, fast, _ = phase_kernels.run(
+        place, fast, _ = phase_kernels.advance(
             steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds
         )
         if place == before:
@@ -243,12 +263,12 @@ def _fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
-    """Whether the second arm of a region stays behind its limit; under the order in force: or is just braking.
+    """Whether the waiting arm of a region stays behind its limit; under the order in force: or is just braking.
 
     Limits never fall and arms never go back: in every part of a tick it is enough that the one is, at its end, behind
     the limit from where the other is at its begin.
     """
-    i, j = tables.region[r, order, 0], tables.region[r, order, 1]
+    i, j = tables.region[r, order, WAITING_ARM], tables.region[r, order, LEADING_ARM]
     of, buffer = limit_of(world, tables, r, order), tables.buffer
     limit = limit_at(buffer, of, lam[j])
     if limit == np.inf:
@@ -257,8 +277,9 @@ def _fits(
     length, rest, speeds = work.length, work.rest, work.speeds
     own, braked, before = steps_of(world, i), tables.braked[i], tables.before[i]
     other, row, command = steps_of(world, j), _row(unsure[j]), (0.0 if unsure[j] else commands[j])
-    margin = MARGIN * own[own.shape[0] - 1, 0]
-    far, far_speed, near, near_speed = work.places[0, i], work.speed[0, i], work.places[row, j], work.speed[row, j]
+    margin = LIMIT_MARGIN_SHARE * own[own.shape[0] - 1, 0]
+    far, far_speed = work.places[COMMANDED, i], work.speed[COMMANDED, i]
+    near, near_speed = work.places[row, j], work.speed[row, j]
     k, most, braking = 0, near.shape[0] - parts - 1, 0.0
     while True:
         last = _foresee(
@@ -291,10 +312,10 @@ def _fits(
                 if order != orders[r]:
                     return False
                 done = _foresee(
-                    own, by_speed, holdable[i], tick, braking, parts, k, _row(True), i, work.places[1, i],
-                    work.speed[1, i], length, rest, speeds,
+                    own, by_speed, holdable[i], tick, braking, parts, k, _row(True), i, work.places[BRAKING, i],
+                    work.speed[BRAKING, i], length, rest, speeds,
                 )  # fmt: skip
-                if far[k] > work.places[1, i, min(k, done)]:
+                if far[k] > work.places[BRAKING, i, min(k, done)]:
                     return False
             limit = limit_at(buffer, of, near[min(k, stop)])
             if limit == np.inf:
@@ -307,13 +328,13 @@ def _cut(
     unsure: Bools, parts: int, work: ShieldWork,
 ) -> None:  # fmt: skip
     """Lower the command of arm i, by bisection, until it stays behind all its limits."""
-    low, high = 0, int(np.ceil(commands[i] * STEPS))
+    low, high = 0, int(np.ceil(commands[i] * COMMAND_STEPS))
     while high - low > 1:
         middle = (low + high) // 2
-        commands[i], work.length[0, i] = middle / STEPS, 0
+        commands[i], work.length[COMMANDED, i] = middle / COMMAND_STEPS, 0
         fits = True
         for r in range(orders.shape[0]):
-            mine = orders[r] < 2 and tables.region[r, orders[r], 0] == i
+            mine = orders[r] < NOBODY_WAITS and tables.region[r, orders[r], WAITING_ARM] == i
             if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
                 fits = False
                 break
@@ -321,7 +342,7 @@ def _cut(
             low = middle
         else:
             high = middle
-    commands[i], work.length[0, i] = low / STEPS, 0
+    commands[i], work.length[COMMANDED, i] = low / COMMAND_STEPS, 0
 
 
 @njit
@@ -337,9 +358,9 @@ def _other_orders(
     wrong, trial = work.orders[0], work.orders[1]
     for r in range(R):
         wrong[r] = 0
-        free = orders[r] < 2 and not scripted[tables.region[r, orders[r], 0]]
+        free = orders[r] < NOBODY_WAITS and not scripted[tables.region[r, orders[r], WAITING_ARM]]
         if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
-            if scripted[tables.region[r, orders[r], 1]]:
+            if scripted[tables.region[r, orders[r], LEADING_ARM]]:
                 return False
             wrong[r] = 1
     for attempt in range(2):
@@ -348,23 +369,20 @@ def _other_orders(
             trial[r] = orders[r]
             if wrong[r] == 1:
                 trial[r] = 1 - orders[r]
-            elif attempt == 1 and orders[r] < 2:
+            elif attempt == 1 and orders[r] < NOBODY_WAITS:
                 for s in range(R):
                     if (
                         wrong[s] == 1
-                        and tables.region[r, orders[r], 0] == tables.region[s, orders[s], 0]
-                        and tables.region[r, orders[r], 1] == tables.region[s, orders[s], 1]
-                        and limit_at(
-                            tables.buffer, limit_of(world, tables, r, orders[r]), lam[tables.region[r, orders[r], 1]]
-                        )
-                        < np.inf
+                        and tables.region[r, orders[r], WAITING_ARM] == tables.region[s, orders[s], WAITING_ARM]
+                        and tables.region[r, orders[r], LEADING_ARM] == tables.region[s, orders[s], LEADING_ARM]
+                        and limit_now(world, tables, r, orders[r], lam) < np.inf
                     ):
                         trial[r], changed = 1 - orders[r], True
         if not changed:
             return False
         fits = True
         for r in range(R):
-            free = trial[r] < 2 and not scripted[tables.region[r, trial[r], 0]]
+            free = trial[r] < NOBODY_WAITS and not scripted[tables.region[r, trial[r], WAITING_ARM]]
             if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, parts, work):
                 fits = False
                 break
@@ -374,7 +392,7 @@ def _other_orders(
             row = _row(unsure[i])
             stop = _foresee(
                 steps_of(world, i), world.by_speed, tables.holdable[i], world.tick,
-                0.0 if unsure[i] else commands[i], parts, ALL, row, i, work.places[row, i], work.speed[row, i],
+                0.0 if unsure[i] else commands[i], parts, UNTIL_REST, row, i, work.places[row, i], work.speed[row, i],
                 work.length, work.rest, work.speeds,
             )  # fmt: skip
             stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - parts - 1)
@@ -422,13 +440,13 @@ def admit(
     for row in range(2):
         for i in range(lam.shape[0]):
             work.places[row, i, 0], work.speed[row, i, 0], work.length[row, i] = lam[i], mu[i], 0
-    unsure, parts = scripted | uncertain, PARTS * ticks
+    unsure, parts = scripted | uncertain, PARTS_PER_TICK * ticks
     fits, tried, changed = False, False, False
     sweep = 0
     while not fits:
         fits = True
         for r in range(orders.shape[0]):
-            if orders[r] == 2 or scripted[tables.region[r, orders[r], 0]]:
+            if orders[r] == NOBODY_WAITS or scripted[tables.region[r, orders[r], WAITING_ARM]]:
                 continue
             if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, parts, work):
                 fits = False
@@ -436,11 +454,11 @@ def admit(
                     tried = True
                     if _other_orders(world, tables, orders, lam, mu, admitted, scripted, unsure, parts, work):
                         return False
-                i = tables.region[r, orders[r], 0]
-                if sweep < SWEEPS:
+                i = tables.region[r, orders[r], WAITING_ARM]
+                if sweep < CUTTING_SWEEPS:
                     _cut(world, tables, orders, i, lam, mu, admitted, unsure, parts, work)
                 else:
-                    admitted[i], work.length[0, i] = 0.0, 0
+                    admitted[i], work.length[COMMANDED, i] = 0.0, 0
                 changed = True
         sweep += 1
     return changed

@@ -12,7 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats
 from armtempo.envs.coordination.shield._kernels import (
-    PARTS,
+    CELL_COUNT,
+    FIRST_CELL,
+    LEADING_ARM,
+    LIMIT_OFFSET,
+    NOBODY_WAITS,
+    PARTS_PER_TICK,
+    REGION_COLUMNS,
+    WAITING_ARM,
     ShieldTables,
     ShieldWork,
     admit,
@@ -26,10 +33,10 @@ from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
 from armtempo.planners.schedules import VciExecution
 
-FEW = 4  # arms of which all priority orders are tried
-MANY = 12  # regions of which all orders are tried
-PLACES = 64  # before which an arm that brakes is known to stop
-BRAKING = 4.0  # longest minimum times within which a braking arm must come to rest
+ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
+REGIONS_ALL_ORDERS_TRIED = 12  # regions of which all orders are tried
+STOPPING_PLACES = 64  # of a path, before which an arm that brakes is known to stop
+BRAKING_MINIMUM_TIMES = 4.0  # longest minimum times within which a braking arm must come to rest
 
 
 def shield_tables(
@@ -52,25 +59,25 @@ def shield_tables(
     if not (np.isfinite(tube_m) and tube_m >= 0.0):
         raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
     orders = cell.passing_orders(2.0 * tube_m)
-    parts, region, length = [np.zeros(1)], [], 1  # never empty
-    for a, b, begin_a, begin_b, limit_a, limit_b in orders.regions:
-        region.append(
-            [
-                [b, a, begin_a, len(limit_b), length],
-                [a, b, begin_b, len(limit_a), length + len(limit_b)],
-            ]
-        )
-        parts += [limit_b, limit_a]
-        length += len(limit_a) + len(limit_b)
+    region = np.zeros((len(orders.regions), 2, REGION_COLUMNS), dtype=np.int64)
+    parts, length = [np.zeros(1)], 1  # never empty
+    for r, (a, b, own) in enumerate(orders.regions):
+        a_first, b_first = (b, a, own.begin_a, own.limit_b), (a, b, own.begin_b, own.limit_a)
+        for order, (waiting, leading, first_cell, limit) in enumerate((a_first, b_first)):
+            row = region[r, order]
+            row[WAITING_ARM], row[LEADING_ARM] = waiting, leading
+            row[FIRST_CELL], row[CELL_COUNT], row[LIMIT_OFFSET] = first_cell, len(limit), length
+            parts.append(limit)
+            length += len(limit)
     arms = len(cell.arms)
     stations = max(len(plane.rows.station) for plane in cell.planes)
-    braked, before = np.zeros((arms, PLACES, stations)), np.zeros((arms, stations), dtype=np.int64)
+    braked, before = np.zeros((arms, STOPPING_PLACES, stations)), np.zeros((arms, stations), dtype=np.int64)
     for i, plane in enumerate(cell.planes):
         count = len(plane.rows.station)
         fill_braked(world, i, braked[i, :, :count], before[i, :count])
     return ShieldTables(
         buffer=np.concatenate(parts),
-        region=np.array(region, dtype=np.int64).reshape(-1, 2, 5),
+        region=region,
         cells=orders.resolutions.copy(),
         candidates=_candidates(cell, orders, tuple(scripted), plan),
         holdable=np.array(cell.holdable),
@@ -88,14 +95,14 @@ def _candidates(
         rows = [orders.of_precedence(plan)]
     elif scripted:
         free = [i for i in range(arms) if i not in scripted]
-        ranks = permutations(free) if len(free) <= FEW else [tuple(free)]
+        ranks = permutations(free) if len(free) <= ARMS_ALL_ORDERS_TRIED else [tuple(free)]
         rows = [orders.of_ranks((*scripted, *rank)) for rank in ranks]
         for r, region in enumerate(orders.regions):
             if region.a in scripted and region.b in scripted:  # they run whatever the others do
                 for row in rows:
-                    row[r] = 2
+                    row[r] = NOBODY_WAITS
     else:
-        ranks = permutations(range(arms)) if arms <= FEW else [tuple(range(arms))]
+        ranks = permutations(range(arms)) if arms <= ARMS_ALL_ORDERS_TRIED else [tuple(range(arms))]
         rows = [orders.of_ranks(rank) for rank in ranks]
         if not any(_leads_on(orders, row) for row in rows):
             rows += _mixed_order(cell, orders, rows[0])
@@ -105,7 +112,7 @@ def _candidates(
 def _mixed_order(cell: CoordinationCell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
     """One order that leads on where no priority does, as near to the given one as can be; none if there is none."""
     regions = range(len(priority))
-    if len(priority) > MANY:  # too many to try them all
+    if len(priority) > REGIONS_ALL_ORDERS_TRIED:  # too many to try them all
         with suppress(InfeasibleError):
             return [orders.of_precedence(schedule(cell, "optimal").precedence)]
         return []
@@ -130,16 +137,16 @@ def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
 def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
     """Scratch for one thread."""
     arms, ticks = len(cell.arms), cell.ticks_per_period
-    longest = BRAKING * max(motion.duration for motion in cell.fastest)
+    longest = BRAKING_MINIMUM_TIMES * max(motion.duration for motion in cell.fastest)
     periods = int(np.ceil(longest / cell.control_period)) + 2
     return ShieldWork(
-        places=np.zeros((2, arms, PARTS * ticks * periods + 1)),
+        places=np.zeros((2, arms, PARTS_PER_TICK * ticks * periods + 1)),
         length=np.zeros((2, arms), dtype=np.int64),
         rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
         orders=np.zeros((2, regions), dtype=np.int8),
         lam=np.zeros((2, arms)),
-        speeds=np.zeros(PARTS * ticks),
+        speeds=np.zeros(PARTS_PER_TICK * ticks),
     )
 
 

@@ -27,6 +27,9 @@ from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit
 
 REQUESTS = ("full", "random", "persistent", "bang-bang", "mixed")
+FULL, RANDOM, PERSISTENT, BANG_BANG, MIXED = range(5)  # places in ``REQUESTS``
+STEPS, EPISODES, VIOLATIONS, STUCK, CHANGED = range(5)  # of what is counted
+CHANGE, MAKESPAN, CLEARANCE = range(3)  # of what is measured
 SEQUENTIAL_TIMES = 5.0  # within which arms that ask for full speed must arrive
 
 
@@ -57,13 +60,13 @@ class ShieldTrial:
 
 @njit
 def _request(kind: int, before: float) -> float:
-    if kind == 0:
+    if kind == FULL:
         return 1.0
-    if kind == 1:
+    if kind == RANDOM:
         return np.random.random()
     if np.random.random() > 0.1:
         return before
-    if kind == 2:
+    if kind == PERSISTENT:
         return np.random.random()
     return 1.0 if np.random.random() < 0.5 else 0.0
 
@@ -80,21 +83,21 @@ def _run(
     places, speeds = np.empty((arms, ticks)), np.empty(ticks)
     kinds = np.empty(arms, np.int64)
     asked, admitted, done = np.empty(arms), np.empty(arms), np.empty(arms)
-    while counts[0] < steps:
-        counts[1] += 1
+    while counts[STEPS] < steps:
+        counts[EPISODES] += 1
         lam, mu = np.zeros(arms), np.zeros(arms)
         first_orders(world, tables, lam, scripted, orders, work)
         for i in range(arms):
-            kinds[i] = np.random.randint(0, 4) if kind == 4 else kind
+            kinds[i] = np.random.randint(0, MIXED) if kind == MIXED else kind
             asked[i] = np.random.random()
         standing = np.random.randint(0, most // 10 + 1)  # periods an uncertain arm is late
         slow = np.random.random() if np.random.random() < 0.5 else 1.0
         stopped = False
-        full_from = np.random.randint(1, most) if kind > 0 else 0
+        full_from = np.random.randint(1, most) if kind != FULL else 0
         period, running, violated = 0, True, False
         while running and not violated:
             if period > full_from + most:
-                counts[3] += 1
+                counts[STUCK] += 1
                 break
             for i in range(arms):
                 asked[i] = 1.0 if period >= full_from or scripted[i] else _request(kinds[i], asked[i])
@@ -112,15 +115,15 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    lam[i], mu[i], done[i] = phase_kernels.run(
+                    lam[i], mu[i], done[i] = phase_kernels.advance(
                         steps_of(world, i), lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
                         speeds,
                     )  # fmt: skip
                 if before < length_of(world, i):
-                    counts[0] += 1
+                    counts[STEPS] += 1
                     used = max(used, done[i])
-                    figures[0] += asked[i] - admitted[i]
-                    counts[4] += admitted[i] < asked[i]
+                    figures[CHANGE] += asked[i] - admitted[i]
+                    counts[CHANGED] += admitted[i] < asked[i]
                 running = running or lam[i] < length_of(world, i)
             for p in range(world.clearance.shape[0]):
                 table, a, b = clearance_of(world, p), world.clearance[p, 0], world.clearance[p, 1]
@@ -128,12 +131,12 @@ def _run(
                     continue
                 for k in range(ticks):
                     distance = tabulated_clearance(table, places[a, k], places[b, k])
-                    figures[2] = min(figures[2], distance)
+                    figures[CLEARANCE] = min(figures[CLEARANCE], distance)
                     violated = violated or distance < d_min
             if not running:
-                figures[1] = max(figures[1], period * ticks * world.tick + used)
+                figures[MAKESPAN] = max(figures[MAKESPAN], period * ticks * world.tick + used)
             period += 1
-        counts[2] += violated
+        counts[VIOLATIONS] += violated
 
 
 def shield_trial(
@@ -182,7 +185,7 @@ def shield_trial(
         violations=violations,
         stuck=stuck,
         changed=changed / agent_steps,
-        change=float(figures[0]) / agent_steps,
-        makespan=float(figures[1]),
-        clearance=float(figures[2]),
+        change=float(figures[CHANGE]) / agent_steps,
+        makespan=float(figures[MAKESPAN]),
+        clearance=float(figures[CLEARANCE]),
     )

@@ -184,8 +184,9 @@ def _may_start(world: World, draws: Draws, lam: Floats) -> bool:
     """Whether all can hold still where they are, and are clear of each other."""
     for i in range(lam.shape[0]):
         steps = steps_of(world, i)
-        k = phase_kernels.find(steps, lam[i])
-        if max(steps[k, 3], steps[k, 4], steps[k + 1, 3]) > 0.0:
+        k = phase_kernels.interval_at(steps, lam[i])
+        low, low_next = steps[k, phase_kernels.EDGE_LOW], steps[k, phase_kernels.EDGE_LOW_NEXT]
+        if max(low, low_next, steps[k + 1, phase_kernels.EDGE_LOW]) > 0.0:
             return False
     for p in range(world.clearance.shape[0]):
         i, j = world.clearance[p, 0], world.clearance[p, 1]
@@ -226,7 +227,7 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float, fi
             for i in range(arms):
                 share = _between(draws.phase[0], draws.phase[1], uniform(key, number, attempt, PHASE, i))
                 steps = steps_of(world, i)
-                episodes.lam[e, i] = share * steps[steps.shape[0] - 1, 0]
+                episodes.lam[e, i] = share * steps[steps.shape[0] - 1, phase_kernels.STATION]
             if _may_start(world, draws, episodes.lam[e]):
                 taken = attempt
                 break

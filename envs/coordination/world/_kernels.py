@@ -66,7 +66,7 @@ def move(
     tick, ticks = world.tick, scratch.places.shape[2]
     for i in range(commands.shape[1]):
         steps = steps_of(world, i)
-        end = steps[steps.shape[0] - 1, 0]
+        end = steps[steps.shape[0] - 1, phase_kernels.STATION]
         for e in range(first, last):
             if not active[e]:
                 continue
@@ -81,8 +81,8 @@ def move(
                 places[k], speeds[k] = lam, mu
                 k += 1
             if k < ticks and (now + k) * tick < late:  # it goes in the middle of this tick
-                part, one = (now + k) * tick + tick - late, min(ticks, 1)  # 1 as it is would compile a second run
-                lam, mu, used = phase_kernels.run(
+                part, one = (now + k) * tick + tick - late, min(ticks, 1)  # 1 as it is would compile a second copy
+                lam, mu, used = phase_kernels.advance(
                     steps, lam, mu, command, world.by_speed, part, one, places[k : k + 1], speeds[k : k + 1]
                 )
                 if lam >= end:
@@ -90,7 +90,7 @@ def move(
                 k += 1
             if k < ticks:
                 began, there = (now + k) * tick, lam >= end
-                lam, mu, used = phase_kernels.run(
+                lam, mu, used = phase_kernels.advance(
                     steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:]
                 )
                 if lam >= end and not there:
@@ -188,14 +188,15 @@ def _own(world: World, episodes: Episodes, first: int, last: int, active: Bools,
     """Fill ``scratch.own``."""
     for i in range(episodes.lam.shape[1]):
         steps, to_go = steps_of(world, i), to_go_of(world, i)
-        end, fastest, scale = steps[steps.shape[0] - 1, 0], world.scale[i, 0], world.scale[i, 1]
+        end, fastest, scale = steps[steps.shape[0] - 1, phase_kernels.STATION], world.scale[i, 0], world.scale[i, 1]
         for e in range(first, last):
             if not active[e]:
                 continue
             lam, mu, own = episodes.lam[e, i], episodes.mu[e, i], scratch.own[e - first, i]
-            k = phase_kernels.find(steps, lam)
-            w = (lam - steps[k, 0]) / (steps[k + 1, 0] - steps[k, 0])
-            edge = np.sqrt(max(steps[k, 5] + w * (steps[k, 6] - steps[k, 5]), 0.0))
+            k = phase_kernels.interval_at(steps, lam)
+            begin, stop = steps[k, phase_kernels.STATION], steps[k + 1, phase_kernels.STATION]
+            w = (lam - begin) / (stop - begin)
+            edge = np.sqrt(max(phase_kernels.upper_edge(steps, k, w), 0.0))
             lowest, highest = phase_kernels.bounds_in(steps, k, w, mu * mu, 0.0)
             own[5] = to_go[k] + w * (to_go[k + 1] - to_go[k])
             own[0] = _signed(lam / end)

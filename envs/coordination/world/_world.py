@@ -178,9 +178,9 @@ def length_of(world: World, i: int) -> float:
 
 @njit
 def steps_of(world: World, i: int) -> Floats:
-    """``edges_of(world, i).steps``, what ``phase_kernels.run`` needs."""
+    """``edges_of(world, i).steps``, what ``phase_kernels.advance`` needs."""
     N, o = world.size[i, 0], world.offset[i, _EDGES + 4]
-    K = phase_kernels.FIXED + 11 * world.size[i, 3]
+    K = phase_kernels.STEP_HEADER_COLUMNS + phase_kernels.COLUMNS_PER_ROW * world.size[i, 3]
     return world.buffer[o : o + N * K].reshape(N, K)
 
 

@@ -1,0 +1,219 @@
+"""Cells of several arms in evaluations: who acts, what is measured, and against what."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, final
+
+import numpy as np
+
+from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, make_policy
+from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
+from armtempo.agents.evaluation import Interval, Kind, keywords_of, mean_interval, play, ratio_interval
+from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
+from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationTrace, disturbed_motion
+from armtempo.errors import InfeasibleError
+from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
+from armtempo.planners.schedules import clairvoyant
+
+ONLINE = ("vci", "delay")
+"""Classical policies that react while they act: learned agents are held against the better of them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoordinationEpisode:
+    """An episode.
+
+    Attributes:
+        trace: What happened.
+        reward: Of all arms together.
+        changed: Decisions that the shield changed, of ``decided``; both 0 without a shield.
+        plan: Of the policy; None: it has none.
+        planning_time_s: It took that long [s].
+    """
+
+    trace: CoordinationTrace
+    reward: float
+    changed: int
+    decided: int
+    plan: Schedule | None
+    planning_time_s: float | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoordinationRunner:
+    """A policy for all arms in an environment that records."""
+
+    env: CoordinationEnv
+    policy: Policy[Observations, Actions]
+    plan: Schedule | None = None
+    planning_time_s: float | None = None
+
+    def run(self, seed: int, on_step: Callable[[], None] | None = None) -> CoordinationEpisode:
+        """One episode to its end; ``on_step`` is called when it begins, and after every decision."""
+        reward, infos = play(self.env, self.policy, seed, on_step=on_step)
+        return CoordinationEpisode(
+            trace=self.env.trace,
+            reward=reward,
+            changed=sum(info.get("shield_changed", 0) for info in infos.values()),
+            decided=sum(info.get("shield_steps", 0) for info in infos.values()),
+            plan=self.plan,
+            planning_time_s=self.planning_time_s,
+        )
+
+    def close(self) -> None:
+        """Close the environment."""
+        self.env.close()
+
+
+@final
+class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationEpisode, CoordinationResult]):
+    """Cells of several arms."""
+
+    name = "coordination"
+    options_type = CoordinationOptions
+    result_type = CoordinationResult
+    always_told = ("physics", "mode", "master_late_s")
+    may_refuse = True
+    policies = COORDINATION_POLICIES
+
+    def open(
+        self, cell: CoordinationCell, policy: str, options: CoordinationOptions, *, render_mode: str | None = None
+    ) -> CoordinationRunner:
+        """Plan, where the policy is a planner, and open an environment."""
+        began = time.perf_counter()
+        plan = schedule(cell, policy) if policy in METHODS else None
+        planning = time.perf_counter() - began if plan is not None else None
+        env = CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
+        try:
+            who = learned_policy(policy, env) if is_agent_name(policy) else make_policy(policy, cell, plan)
+        except BaseException:
+            env.close()
+            raise
+        return CoordinationRunner(env=env, policy=who, plan=plan, planning_time_s=planning)
+
+    def measure(self, cell: CoordinationCell, runs: Sequence[CoordinationEpisode], seed: int) -> CoordinationResult:
+        """Figures over the episodes; those beside other policies come with ``compare``."""
+        traces = [run.trace for run in runs]
+        plan = runs[0].plan
+        times = tuple(safe_makespan(trace) for trace in traces)
+        makespans = [time for time in times if time is not None]
+        makespan = float(np.mean(makespans)) if makespans else None
+        clearance = min(float(trace.clearance.min()) for trace in traces)
+        decided = sum(run.decided for run in runs)
+        return CoordinationResult(
+            plan_makespan_s=plan.makespan if plan is not None else None,
+            makespan_s=makespan,
+            makespans_s=times,
+            makespan_interval_s=mean_interval(makespans, seed) if makespans else None,
+            ratio_to_best_online=None,
+            ratio_interval=None,
+            saving_percent=None if makespan is None else 100.0 * (1.0 - makespan / cell.sequential_makespan),
+            gap_percent=None if makespan is None else 100.0 * (makespan / cell.lower_bound - 1.0),
+            regret_percent=None,
+            plan_gap_percent=plan.gap_percent if plan is not None else None,
+            min_clearance_m=clearance if math.isfinite(clearance) else None,
+            torque_ratio_max=max(trace.torque_ratio_max for trace in traces),
+            torque_demand_ratio_max=max(trace.torque_demand_ratio_max for trace in traces),
+            torque_clipped_fraction=float(np.mean([trace.torque_clipped_fraction for trace in traces])),
+            path_error_max_m=max(float(trace.path_error.max()) for trace in traces),
+            violations=sum(trace.violations for trace in traces),
+            interventions=sum(run.changed for run in runs) / decided if decided else None,
+            finished=len(makespans),
+            reward=float(np.mean([run.reward for run in runs])),
+            planning_time_s=runs[0].planning_time_s,
+            trace=traces[0],
+            schedule=plan,
+        )
+
+    def head(self, cell: CoordinationCell) -> Mapping[str, object]:
+        """Smallest distance, sequential time and certified bound."""
+        return {
+            "d_min_m": cell.d_min,
+            "sequential_s": cell.sequential_makespan,
+            "lower_bound_s": cell.lower_bound,
+        }
+
+    def compare(
+        self,
+        cell: CoordinationCell,
+        options: CoordinationOptions,
+        results: Mapping[str, CoordinationResult],
+        *,
+        episodes: int,
+        seed: int,
+    ) -> tuple[Mapping[str, CoordinationResult], Mapping[str, object]]:
+        """Every policy against the best classical on-line one, and against who knows the disturbances beforehand.
+
+        ``clairvoyant_s``, behind a disturbed first arm: in each episode, the makespan of who knows of the disturbance
+        beforehand and lets the first arm pass undelayed [s]. Where the first arm yields, less may be possible.
+        """
+        known = None
+        if (options.disturbance or options.master_late_s) and not options.start_phase:
+            env = CoordinationEnv(cell, **keywords_of(options))
+            try:
+                known = clairvoyant_makespans(env, episodes, seed)
+            finally:
+                env.close()
+        best = best_online(results, episodes)
+        compared = {
+            name: replace(
+                result,
+                regret_percent=_regret(result.makespans_s, known or ()),
+                **_ratio(result.makespans_s, results[best].makespans_s if best else None, seed),
+            )
+            for name, result in results.items()
+        }
+        return compared, {"clairvoyant_s": known, "best_online": best}
+
+
+def best_online(results: Mapping[str, CoordinationResult], episodes: int) -> str | None:
+    """The classical on-line policy (``ONLINE``) with the smallest mean makespan, of those always safe and there."""
+    good = [
+        (result.makespan_s, name)
+        for name, result in results.items()
+        if name in ONLINE and result.makespan_s is not None and result.finished == episodes
+    ]
+    return min(good)[1] if good else None
+
+
+def _regret(makespans: Sequence[float | None], known: Sequence[float]) -> float | None:
+    """How far the mean makespan is above that of who knew [%], over the episodes that were finished."""
+    pairs = [(own, best) for own, best in zip(makespans, known, strict=False) if own is not None]
+    if not pairs:
+        return None
+    own_times, best_times = np.array(pairs).T
+    return 100.0 * (float(own_times.mean() / best_times.mean()) - 1.0)
+
+
+def _ratio(makespans: Sequence[float | None], best: Sequence[float | None] | None, seed: int) -> dict[str, Any]:
+    """Mean makespan over that of the best on-line policy and its interval, over the episodes that both finished."""
+    pairs = [
+        (own, other)
+        for own, other in zip(makespans, best or (), strict=bool(best))
+        if own is not None and other is not None
+    ]
+    ratio: float | None = None
+    interval: Interval | None = None
+    if pairs:
+        own_times, best_times = np.array(pairs).T
+        ratio = float(own_times.mean() / best_times.mean())
+        interval = ratio_interval(own_times, best_times, seed)
+    return {"ratio_to_best_online": ratio, "ratio_interval": interval}
+
+
+def clairvoyant_makespans(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:
+    """Makespans of the best answers to the disturbed first arm; None where the others find none."""
+    makespans = []
+    for episode in range(episodes):
+        _, infos = env.reset(seed=seed + episode)
+        first = disturbed_motion(env.cell, 0, infos[env.possible_agents[0]]["disturbance"], mode=env.mode)
+        try:
+            motions = clairvoyant(env.cell, {0: first})
+        except InfeasibleError:
+            return None
+        makespans.append(max(motion.duration for motion in motions))
+    return tuple(makespans)

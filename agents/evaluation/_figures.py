@@ -1,0 +1,73 @@
+"""What a result's fields are in tables and JSON: said where the field is, read by whoever prints it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+KEY = "armtempo figure"
+
+Form = Literal["fixed", "small", "significant", "interval", "episodes", "mishaps"]
+"""How a table prints a figure.
+
+``fixed``: with ``digits`` after the point. ``small``: likewise, but what would be zero says how small it is.
+``significant``: ``digits`` that count. ``interval``: both ends. ``episodes``: how many of all, red where some are
+missing. ``mishaps``: a count, red unless 0.
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A number of a result.
+
+    Attributes:
+        head: Of its column, with the unit, two lines at most; facts of the evaluation by name in braces. None: no
+            column, the number is in JSON alone.
+        digits: See ``Form``; narrow tables keep three.
+        scale: What it is multiplied with: the column's unit in the field's.
+        limit: Red where it is above this, by more than ticks resolve.
+        least: Red where it is below the fact of that name.
+        form: How it is printed.
+        interval: The field with its confidence interval, printed below it.
+        known: Whether its column is left out where no policy has the number.
+        several: Whether its column is for several episodes (True) or for one alone (False); None: for both.
+        roomy: Whether its column is for wide tables alone.
+    """
+
+    head: str | None = None
+    digits: int = 3
+    scale: float = 1.0
+    limit: float | None = None
+    least: str | None = None
+    form: Form = "fixed"
+    interval: str | None = None
+    known: bool = False
+    several: bool | None = None
+    roomy: bool = False
+
+
+def figure(
+    head: str | None = None,
+    *,
+    digits: int = 3,
+    scale: float = 1.0,
+    limit: float | None = None,
+    form: Form = "fixed",
+    **more: Any,
+) -> Any:
+    """A field of a result's dataclass that is a ``Figure``, in JSON and where it has a head in tables.
+
+    Fields without one (traces, plans) are in neither. ``more`` are the attributes of ``Figure`` that few have.
+    """
+    told = Figure(head=head, digits=digits, scale=scale, limit=limit, form=form, **more)
+    return field(metadata={KEY: told})
+
+
+def figures_of(result: type[Any]) -> dict[str, Figure]:
+    """The figures of a result's dataclass, in the order of its fields."""
+    return {one.name: one.metadata[KEY] for one in fields(result) if KEY in one.metadata}
+
+
+def numbers_of(result: Any) -> dict[str, Any]:
+    """The numbers of a result, by name."""
+    return {name: getattr(result, name) for name in figures_of(type(result))}

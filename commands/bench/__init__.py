@@ -1,0 +1,23 @@
+"""``armtempo bench``: planning methods, their time over the number of arms, and learned agents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from armtempo.commands.bench._agents import bench_agents
+from armtempo.commands.bench._arms import bench_arms
+from armtempo.commands.bench._coordination import bench_coordination
+
+__all__ = ["BENCHES", "bench"]
+
+BENCHES: Mapping[str, Callable[..., None]] = {
+    "coordination": bench_coordination,
+    "arms": bench_arms,
+    "agents": bench_agents,
+}
+"""What there is to measure, by name."""
+
+
+def bench() -> None:
+    """Benchmarks: coordination (all methods on a set of cells), arms (planning time over their number), agents."""
+    # for the list of commands; main dispatches the line itself

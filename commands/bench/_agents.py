@@ -1,0 +1,116 @@
+"""``armtempo bench agents``: learned agents against classical on-line policies over a split of the benchmark set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from armtempo.commands.console import DisturbanceName, JsonFile, Names, Output, PhysicsName, Seed, new_table, number
+from armtempo.errors import InputError
+
+if TYPE_CHECKING:
+    from armtempo.agents import SplitComparison
+
+DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal", "ppo:generalist")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellChoice:
+    """Which cells of the benchmark set."""
+
+    split: Literal["train", "validation", "test"] = "test"
+    """Which part of the set."""
+
+    priority_class: Annotated[Literal["mixed", "uniform", "all"], tyro.conf.arg(name="class")] = "all"
+    """Cells in which the same arm goes first everywhere in the optimum (uniform), or not (mixed)."""
+
+    family: Literal["planar", "panda", "iiwa", "all"] = "planar"
+    """Kind of arms."""
+
+
+def bench_agents(
+    *,
+    choice: Annotated[CellChoice, tyro.conf.arg(name="")] = CellChoice(),
+    policies: Names = DEFAULT_POLICIES,
+    disturbance: DisturbanceName = "none",
+    episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 1,
+    seed: Seed = 0,
+    physics: PhysicsName = "ideal",
+    json_file: JsonFile = None,
+) -> None:
+    """Run policies in the feasible cells of a split, all under the shield, and compare their makespans.
+
+    A ratio is of mean makespans over the same episodes, with its 95 % bootstrap interval: to the best classical on-line
+    policy of each cell (delay or vci, in the order of the arms that plans better), to full speed under the shield, and
+    to who knows beforehand what happens to the first arm.
+
+    Args:
+        choice: Which cells.
+        policies: delay, vci, full-speed, optimal (the plan of the undisturbed cell, executed by precedence), and
+            learned agents as ppo:NAME or ppo:FILE.npz.
+        disturbance: What happens to the first arm: it starts late, is slow, stops and goes.
+        episodes: Per cell and policy; they differ if there is a disturbance.
+        seed: Seed of the first episode; the next ones count on from it.
+        physics: "ideal" moves the arms exactly as commanded, "bullet" simulates torque control.
+        json_file: Write the figures and every makespan there as JSON; "-" for nothing but JSON on stdout.
+    """
+    from armtempo.agents import compare_on  # late, as the others here: --help is to be quick
+    from armtempo.planners import benchmark_instances
+
+    chosen = [
+        one
+        for one in benchmark_instances(choice.split, family=None if choice.family == "all" else choice.family)
+        if one.labels.status == "feasible" and choice.priority_class in ("all", one.labels.priority_class)
+    ]
+    if not chosen:
+        raise InputError(
+            f"the {choice.split} split has no feasible {choice.priority_class} cell of {choice.family} arms"
+        )
+    output = Output(json_file)
+    with output.progress("Simulating", len(chosen)) as (progress, task):
+
+        def on_cell(name: str) -> None:
+            progress.update(task, description=f"Simulating {name}", advance=1)
+
+        compared = compare_on(
+            (one.build() for one in chosen), policies, episodes=episodes, seed=seed, physics=physics,
+            disturbance=None if disturbance == "none" else disturbance, on_cell=on_cell,
+        )  # fmt: skip
+    figures = {name: compared.figures(name) for name in policies}
+    which = f"{choice.split}, {choice.priority_class}, {choice.family}"
+    _show(compared, figures, f"{which}, {physics}, disturbance {disturbance}", output)
+    output.json(
+        {
+            "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
+            "disturbance": disturbance, "episodes": episodes, "seed": seed, "policies": figures,
+            "cells": [
+                {
+                    "cell": one.cell, "class": one.priority_class, "best_online": one.best_online,
+                    "makespans_s": one.makespans_s, "violations": one.violations, "clairvoyant_s": one.clairvoyant_s,
+                }
+                for one in compared.cells
+            ],
+        }
+    )  # fmt: skip
+
+
+def _show(compared: SplitComparison, figures: dict[str, dict[str, Any]], what: str, output: Output) -> None:
+    """One row per policy."""
+    table = new_table(
+        f"{len(compared.cells)} cells ({what})",
+        "ratios of mean makespans over the episodes that both finished, with 95 % bootstrap intervals",
+    )
+    for head in ("policy", "cells\nwith a plan", "finished", "too close\n\\[ticks]", "makespan\n\\[s]"):
+        table.add_column(head, justify="left" if head == "policy" else "right", no_wrap=head == "policy")
+    for head in ("to the best\nof delay, vci", "to full\nspeed", "to who\nknows"):
+        table.add_column(head, justify="right")
+    for name, one in figures.items():
+        ratios = [one[f"ratio_to_{key}"] for key in ("best_online", "full-speed", "clairvoyant")]
+        table.add_row(
+            name, str(one["cells"]), f"{one['finished']} of {one['episodes']}", str(one["violations"]),
+            number(one["makespan_s"], 4),
+            *("–" if r is None else f"{r[0]:.4f}\n({r[1][0]:.3f}–{r[1][1]:.3f})" for r in ratios),
+        )  # fmt: skip
+    output.table(table)

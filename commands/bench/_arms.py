@@ -1,0 +1,128 @@
+"""``armtempo bench arms``: planning time over the number of arms."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armtempo.planners.instances import GeneratedCell
+
+DEFAULT_METHODS = ("delay", "interval", "optimal")
+
+
+def bench_arms(
+    *,
+    most: int = 6,
+    count: int = 5,
+    seed: int = 1,
+    methods: Names = DEFAULT_METHODS,
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("results/bench-arms.png"),
+    json_file: JsonFile = None,
+) -> None:
+    """Plan rings of 2, 3, ... planar arms whose paths cross in the middle, and plot the planning time over the arms.
+
+    Args:
+        most: The most arms, up to 8.
+        count: Rings of each size: the first ones of the generator that are feasible.
+        seed: The generator's.
+        methods: Of delay, offset, vci, interval, optimal; those that go by priority take the arms as they stand.
+        out: The plot, a PNG.
+        json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
+    """
+    from armtempo.commands.figures._bench import arms_figure  # late, as the others here: --help is to be quick
+    from armtempo.commands.figures._style import write_png
+    from armtempo.planners.instances import PLANNED_METHODS
+
+    for method in methods:
+        if method not in PLANNED_METHODS:
+            raise UnknownNameError("method", method, PLANNED_METHODS)
+    if not 2 <= most <= 8 or count < 1:
+        raise InputError(f"--most must be 2 to 8 and --count positive, got {most} and {count}")
+    output = Output(json_file)
+    entries: list[dict[str, Any]] = []
+    with output.progress("Planning", (most - 1) * count) as (progress, task):
+        for arms in range(2, most + 1):
+            progress.update(task, description=f"Planning {arms} arms")
+            for ring in _feasible_rings(arms, count, seed):
+                entries.append(_entry(ring, arms, methods))
+                progress.advance(task)
+    output.table(_tabulate(entries, methods, count))
+    write_png(arms_figure(entries, methods), out)
+    output.say(f"Picture: {shown(out)}")
+    output.json({"seed": seed, "count": count, "rings": entries})
+
+
+def _feasible_rings(arms: int, count: int, seed: int) -> Iterator[GeneratedCell]:
+    """The first rings of so many arms that are feasible."""
+    from armtempo.planners import generate_cell
+
+    index = kept = 0
+    while kept < count:
+        ring = generate_cell("ring", seed, index, arms=arms)
+        index += 1
+        if ring.labels.status == "feasible":
+            kept += 1
+            yield ring
+
+
+def _entry(ring: GeneratedCell, arms: int, methods: Sequence[str]) -> dict[str, Any]:
+    """What every method makes of a ring."""
+    from armtempo.planners.instances import Instance
+
+    planning_time_s: dict[str, float] = {}
+    makespan_s: dict[str, float] = {}
+    refused: dict[str, str] = {}
+    for method in methods:
+        fresh = Instance.of(ring.cell, ring.labels)  # nothing that another method found helps
+        _ = fresh.timing.bound, fresh.timing.fastest
+        start = time.perf_counter()
+        try:
+            motions = fresh.plan(method)
+            makespan_s[method] = max(motion.duration for motion in motions)
+        except InfeasibleError as refusal:
+            refused[method] = str(refusal.data.get("reason") or refusal.message)
+        planning_time_s[method] = time.perf_counter() - start
+    return {
+        "arms": arms,
+        "cell": ring.cell.name,
+        "class": ring.labels.priority_class,
+        "lower_bound_s": ring.labels.lower_bound,
+        "sequential_s": ring.cell.sequential_makespan,
+        "planning_time_s": planning_time_s,
+        "makespan_s": makespan_s,
+        "refused": refused,
+    }
+
+
+def _tabulate(entries: Sequence[dict[str, Any]], methods: Sequence[str], count: int) -> Table:
+    table = new_table(f"Rings of planar arms ({count} feasible ones per size)", "median; phase planes and charts ready")
+    table.add_column("arms", justify="right")
+    for method in methods:
+        table.add_column(f"{method}\nplanned in \\[s]", justify="right")
+        table.add_column("solved", justify="right")
+        table.add_column("gap \\[%]", justify="right")
+    for arms in sorted({entry["arms"] for entry in entries}):
+        own = [entry for entry in entries if entry["arms"] == arms]
+        row = [str(arms)]
+        for method in methods:
+            gaps = [
+                100.0 * (e["makespan_s"][method] / e["lower_bound_s"] - 1.0) for e in own if method in e["makespan_s"]
+            ]
+            row += [
+                number(median(e["planning_time_s"][method] for e in own), 3),
+                f"{len(gaps)}/{len(own)}",
+                number(median(gaps) if gaps else None, 1),
+            ]
+        table.add_row(*row)
+    return table

@@ -1,0 +1,44 @@
+"""Flags that several commands have, and the checks of their values."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from armtempo.errors import ArmtempoError, InputError
+
+CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
+JsonFile = Annotated[str | None, tyro.conf.arg(name="json", metavar="FILE", help_behavior_hint="(default: none)")]
+OutFolder = Annotated[
+    Path | None, tyro.conf.arg(name="out", metavar="DIR", help_behavior_hint="(default: results/<cell>)")
+]
+Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
+AllNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="(default: all)")]
+Seed = Annotated[int, tyro.conf.arg(metavar="K")]
+PhysicsName = Literal["bullet", "ideal"]
+DisturbanceName = Annotated[Literal["none", "late", "slow", "stop-and-go", "any"], tyro.conf.arg(metavar="NAME")]
+
+
+def check_seed(seed: int | None) -> None:
+    """Raise ArmtempoError for a seed below 0."""
+    if seed is not None and seed < 0:
+        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
+
+
+def check_count(option: str, count: int | None, example: int) -> None:
+    """Raise ArmtempoError for a number of things below 1."""
+    if count is not None and count < 1:
+        raise ArmtempoError(f"{option} must be at least 1, got {count}", remedy=f"try {option} {example}")
+
+
+def check_period(option: str, period: float | None, example: str) -> None:
+    """Refuse a period that is no step, before anything is computed.
+
+    Raises:
+        InputError: It is not a positive number of seconds.
+    """
+    if period is not None and not (math.isfinite(period) and period > 0.0):
+        raise InputError(f"{option} must be a positive number of seconds, got {period}", remedy=f"try {example}")

@@ -1,0 +1,1 @@
+"""Lee, Chong, Suh, Choi, Lyou 1991."""

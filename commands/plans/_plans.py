@@ -1,0 +1,116 @@
+"""What plans of a cell are, whatever its kind."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from armtempo.commands.console import Output
+from armtempo.errors import InfeasibleError, InputError, PathError, UnknownNameError
+from armtempo.planners.cells import CellBase
+from armtempo.planners.topp import JointTrajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+CellT = TypeVar("CellT", bound=CellBase[Any])
+PlanT = TypeVar("PlanT")
+
+
+class CellPlans(ABC, Generic[CellT, PlanT]):
+    """The plans of a cell by several methods; a kind says what its plans are, and how they are told and drawn.
+
+    Args:
+        cell: The cell.
+        methods: Names out of ``METHODS``; none: all.
+        output: For progress bars.
+        control_period: Step of velocity control [s], in the kinds that have it; None: the cell's.
+
+    Attributes:
+        plans: By method.
+        refusals: Why the other methods have none.
+        seconds: Taken by each method.
+
+    Raises:
+        UnknownNameError: No such method.
+        InputError: A control period where there is no velocity control.
+        InfeasibleError: No method has a plan (that of the last one asked); or PathError, likewise.
+    """
+
+    METHODS: ClassVar[tuple[str, ...]]
+    SHOWN: ClassVar[str | None] = None
+    """The method that figures show in detail; None: they show all alike."""
+    HAS_CONTROL_PERIOD: ClassVar[bool] = False
+    """Whether a method of velocity control is among them."""
+
+    def __init__(
+        self, cell: CellT, methods: Sequence[str], output: Output, *, control_period: float | None = None
+    ) -> None:
+        self.cell, self.control_period = cell, control_period
+        if control_period is not None and not self.HAS_CONTROL_PERIOD:
+            raise InputError(
+                f"--control-period is for cells of several arms, and {cell.name} is of kind {cell.config.kind}",
+                remedy="leave it out",
+            )
+        for name in methods:
+            if name not in self.METHODS:
+                raise UnknownNameError("method", name, self.METHODS)
+        self.plans: dict[str, PlanT] = {}
+        self.refusals: dict[str, str] = {}
+        self.seconds: dict[str, float] = {}
+        self._plan(tuple(dict.fromkeys(methods)) or self.METHODS, output)
+
+    def _plan(self, methods: Sequence[str], output: Output) -> None:
+        with output.progress("Planning", len(methods)) as (progress, task):
+            self.prepare()
+            for k, method in enumerate(methods):
+                progress.update(task, description=f"Planning {method}", completed=k)
+                began = time.perf_counter()
+                try:
+                    self.plans[method] = self.plan(method)
+                except (InfeasibleError, PathError) as refusal:
+                    self.refusals[method] = str(refusal)
+                    if len(self.refusals) == len(methods):
+                        raise
+                self.seconds[method] = time.perf_counter() - began
+
+    def prepare(self) -> None:
+        """Work out what all methods need, so that none of them is charged for it."""
+
+    @abstractmethod
+    def plan(self, method: str) -> PlanT:
+        """One plan.
+
+        Raises:
+            InfeasibleError: There is none; or PathError.
+        """
+
+    @abstractmethod
+    def facts(self) -> dict[str, Any]:
+        """What is so of the cell, whatever the method; units in the keys."""
+
+    @abstractmethod
+    def entries(self) -> dict[str, dict[str, Any]]:
+        """The figures of every plan, by method; units in the keys."""
+
+    @abstractmethod
+    def tables(self, entries: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+        """The same for a reader."""
+
+    @abstractmethod
+    def motions(self, period: float | None) -> Iterator[tuple[str, JointTrajectory]]:
+        """The motion of every arm by every method, with a name for its file.
+
+        Args:
+            period: Time between the rows [s]; None: what suits the kind.
+
+        Raises:
+            InputError: The motion cannot be sampled so.
+        """
+
+    @abstractmethod
+    def figures(self, method: str) -> dict[str, Figure]:
+        """Figures by file name, ``method`` in detail where the kind shows one so (``SHOWN``)."""

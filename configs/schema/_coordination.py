@@ -1,0 +1,82 @@
+"""Cells of kind coordination."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self, TypeVar
+
+from pydantic import (
+    Field,
+    field_validator,
+    model_validator,
+)
+
+from armtempo.configs.schema._arm import ArmConfig
+from armtempo.configs.schema._base import (
+    NonNegative,
+    Positive,
+    Real,
+)
+from armtempo.configs.schema._cell import CellFileConfig
+from armtempo.configs.schema._obstacles import ObstacleConfig
+
+_Named = TypeVar("_Named", ArmConfig, ObstacleConfig)
+
+
+class CellConfig(CellFileConfig):
+    """Arms that share a space, each on its own given path, and how closely they may pass."""
+
+    kind: Literal["coordination"]
+    """What the cell is for."""
+    d_min_m: NonNegative
+    """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m].
+
+    Boxes, cylinders and hulls that overlap are 0 apart however deep they are in each other: at ``d_min_m`` 0 they break
+    no rule, and charts cannot call a cell of theirs blocked, only undecided. Give such arms more than 0.
+    """
+    clearance_reserve_m: NonNegative = 0.0005
+    """Planned on top of ``d_min_m``, for what the execution will deviate [m]."""
+    torque_reserve: Annotated[Real, Field(ge=0, le=0.9)] = 0.0
+    """Share of each torque limit that plans leave to the controller, 0 to 0.9."""
+    control_period_s: Positive = 0.004
+    """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
+    stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000
+    """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
+    chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] = 0.0004
+    """Side of the smallest cell of a coordination chart [m]; a chart has at most 4096 cells along each side."""
+    chart_cells: Annotated[int, Field(ge=16, le=4096, strict=True)] | None = None
+    """Instead: cells along each side, a power of two; null: 1024 where a path goes through joint waypoints."""
+    arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
+    """The arms in priority order: the first is the master."""
+    obstacles: tuple[ObstacleConfig, ...] = ()
+    """Bodies that stand still."""
+
+    def chart_tolerance(self, longest: float) -> float:
+        """Side of the smallest cell of a chart [lambda], the longer of its two paths being ``longest``."""
+        cells = self.chart_cells
+        if cells is None and any(arm.path.start_m is None for arm in self.arms):
+            cells = 1024
+        if cells is not None:
+            return longest / cells * (1.0 + 1e-9)  # so that rounding does not double the cells
+        return self.chart_tolerance_m
+
+    @field_validator("arms", "obstacles")
+    @classmethod
+    def _names_differ(cls, bodies: tuple[_Named, ...]) -> tuple[_Named, ...]:
+        names = [body.name for body in bodies]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"each needs a name of its own; used twice: {', '.join(twice)}")
+        return bodies
+
+    @model_validator(mode="after")
+    def _one_chart_size(self) -> Self:
+        if self.chart_cells is not None and self.chart_cells & (self.chart_cells - 1):
+            raise ValueError(f"chart_cells: must be a power of two, got {self.chart_cells}")
+        if "chart_tolerance_m" in self.model_fields_set:
+            if self.chart_cells is not None:
+                raise ValueError("chart_cells: give it or chart_tolerance_m, not both")
+            if any(arm.path.start_m is None for arm in self.arms):
+                raise ValueError(
+                    "chart_tolerance_m: paths through joint waypoints are not measured in metres; give chart_cells"
+                )
+        return self

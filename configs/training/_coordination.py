@@ -1,0 +1,98 @@
+"""What a training in coordination cells says."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, StrictBool, model_validator
+
+from armtempo.configs.schema import FileModel, NonNegative, Positive
+from armtempo.configs.training._base import Count, File, Share
+
+Times = tuple[NonNegative, NonNegative]
+
+
+class BenchmarkFilter(FileModel):
+    """Cells of the benchmark set, out of one split. Infeasible ones are left out."""
+
+    split: Literal["train", "validation", "test"] = "train"
+    """Which split."""
+    family: Literal["planar", "panda", "iiwa"] | None = None
+    """Kind of arms; null: all."""
+    priority_class: Literal["mixed", "uniform"] | None = None
+    """Who goes first in the optimum: not the same arm everywhere (mixed), or the same; null: both."""
+    most: Count | None = None
+    """Take no more than so many cells, the first ones; null: all."""
+
+
+class DisturbanceConfig(FileModel):
+    """A disturbance in ranges, [lowest, highest], drawn uniformly for every episode."""
+
+    late_s: Times = (0.0, 0.0)
+    """How long the arm stands at its start [s]."""
+    speed: tuple[Share, Share] = (1.0, 1.0)
+    """Multiplies its command."""
+    stops: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = (0, 0)
+    """How often it stops on the way."""
+    stop_s: Times = (0.0, 0.0)
+    """How long each stop lasts [s]."""
+    arms: tuple[Annotated[int, Field(ge=0)], ...] = (0,)
+    """Numbers of the disturbed arms, 0 is the master."""
+
+    @model_validator(mode="after")
+    def _low_before_high(self) -> Self:
+        for key in ("late_s", "speed", "stops", "stop_s"):
+            low, high = getattr(self, key)
+            if low > high:
+                raise ValueError(f"{key}: must be [lowest, highest], the lowest first")
+        return self
+
+
+class CoordinationTraining(FileModel):
+    """Arms on given paths that learn when to go."""
+
+    cells: Annotated[tuple[File, ...], Field(min_length=1)] | None = None
+    """Names of bundled cells, or cell files; null: those of ``benchmark``."""
+    benchmark: BenchmarkFilter | None = None
+    """Or cells of the benchmark set."""
+    learners: Literal["last", "all"] = "last"
+    """``last``: the last arm, the others ask for full speed; ``all``: all arms, by one shared policy."""
+    physics: Literal["ideal", "bullet"] = "ideal"
+    """``ideal`` moves arms exactly as commanded, thousands at once; ``bullet`` simulates torque control."""
+    mode: Literal["speed", "acceleration"] = "speed"
+    """What an action means."""
+    shield: StrictBool = False
+    """Admit only actions from which all arms can still stop in time and go on."""
+    disturbance: Literal["late", "slow", "stop-and-go", "any"] | None = None
+    """A named family of disturbances of the master; null: none."""
+    custom_disturbance: DisturbanceConfig | None = None
+    """Or ranges of your own."""
+    observation_noise: NonNegative = 0.0
+    """Standard deviation of the noise on what agents see."""
+    start_phase: tuple[Share, Share] = (0.0, 0.0)
+    """Where on their paths the arms start, as a share, drawn from [lowest, highest]."""
+    undisturbed_share: Share = 0.0
+    """Share of the environments in which neither a disturbance nor a start phase is drawn; ideal only."""
+    undisturbed_until: Share = 0.0
+    """Share of the training before which that holds for all of them."""
+    reward: Literal["own", "team"] = "own"
+    """``own``: progress and time of the arm itself; ``team``: of all arms, the same for each."""
+    cut_penalty: NonNegative = 0.0
+    """What asking for more than the shield lets through costs per step, times what it cuts."""
+    control_period_s: Positive | None = None
+    """Time between two decisions instead of the cells' own [s]."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.cells is None) == (self.benchmark is None):
+            raise ValueError("cells: give either cells or benchmark")
+        if self.disturbance is not None and self.custom_disturbance is not None:
+            raise ValueError("custom_disturbance: give it or disturbance, not both")
+        if not self.start_phase[0] <= self.start_phase[1] < 1.0:
+            raise ValueError("start_phase: must be [lowest, highest], the lowest first and both below 1")
+        if self.physics == "bullet" and self.reward == "team":
+            raise ValueError("reward: team needs physics: ideal")
+        for key in ("undisturbed_share", "undisturbed_until", "cut_penalty"):
+            if self.physics == "bullet" and getattr(self, key):
+                raise ValueError(f"{key}: needs physics: ideal")
+        return self

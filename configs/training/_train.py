@@ -1,0 +1,111 @@
+"""What a training file may say: who learns, where, by which algorithm, and how the outcome is watched.
+
+**Steps** are agent steps everywhere: decisions of one learning arm. Two arms that learn in 64 environments make 128 of
+them per control period.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from armtempo.configs.schema import CellTitle, FileModel
+from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
+from armtempo.configs.training._base import Count
+from armtempo.configs.training._blend import BlendTraining
+from armtempo.configs.training._coordination import CoordinationTraining
+from armtempo.configs.training._ik import IKTraining
+
+
+class EvaluationConfig(FileModel):
+    """How the agent is watched: one undisturbed episode per cell, and some as it is trained."""
+
+    every_steps: Count = 100_000
+    """Steps between two evaluations."""
+    episodes: Annotated[int, Field(ge=0, strict=True)] = 20
+    """Disturbed episodes, over all cells together."""
+    cells: Count = 8
+    """In no more than so many cells, the first ones."""
+    seed: Annotated[int, Field(ge=0, strict=True)] = 10_000
+    """Of the first episode."""
+
+
+_ENVIRONMENTS = ("coordination", "blend_tracking", "feedback_ik")
+_ALGORITHMS = ("ppo", "sac", "tqc")
+
+
+class TrainConfig(FileModel):
+    """One training. Exactly one of ``coordination``, ``blend_tracking`` and ``feedback_ik`` is given."""
+
+    name: CellTitle
+    """Of the agent."""
+    algorithm: Literal["ppo", "sac", "tqc"]
+    """What trains it."""
+    coordination: CoordinationTraining | None = None
+    """Several arms on given paths."""
+    blend_tracking: BlendTraining | None = None
+    """One arm on a blended path."""
+    feedback_ik: IKTraining | None = None
+    """One arm that follows poses."""
+    num_envs: Count = 64
+    """Environments that run side by side."""
+    total_steps: Count = 1_000_000
+    """Agent steps of the whole training."""
+    checkpoint_every_steps: Count = 200_000
+    """Agent steps between two checkpoints."""
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Of everything that is drawn."""
+    evaluation: EvaluationConfig = EvaluationConfig()
+    """How it is watched."""
+    network: NetworkConfig = NetworkConfig()
+    """Actor and critics."""
+    ppo: PPOConfig = PPOConfig()
+    """Hyper-parameters, if algorithm is ppo."""
+    sac: SACConfig = SACConfig()
+    """Likewise, if it is sac."""
+    tqc: TQCConfig = TQCConfig()
+    """Likewise, if it is tqc."""
+
+    _source: Path = PrivateAttr(default=Path())
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def source(self) -> Path:
+        """The file it came from."""
+        return self._source
+
+    @property
+    def text(self) -> str:
+        """What that file says."""
+        return self._text
+
+    def read_from(self, source: Path, text: str) -> Self:
+        """Remember the file."""
+        self._source, self._text = source, text
+        return self
+
+    @property
+    def environment(self) -> CoordinationTraining | BlendTraining | IKTraining:
+        """The one that is given."""
+        given = self.coordination or self.blend_tracking or self.feedback_ik
+        assert given is not None
+        return given
+
+    def changed(self, **changes: Any) -> Self:
+        """The same training with other values of top-level keys; None keeps what there is."""
+        given = {key: value for key, value in changes.items() if value is not None}
+        return self.model_copy(update=given).read_from(self._source, self._text)
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        given = [key for key in _ENVIRONMENTS if getattr(self, key) is not None]
+        if len(given) != 1:
+            said = " and ".join(given) if given else "none"
+            key = given[-1] if given else "coordination"
+            raise ValueError(f"{key}: give one of {', '.join(_ENVIRONMENTS)}, got {said}")
+        for key in _ALGORITHMS:
+            if key in self.model_fields_set and key != self.algorithm:
+                raise ValueError(f"{key}: the algorithm is {self.algorithm}; give hyper-parameters of that one alone")
+        return self

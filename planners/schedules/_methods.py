@@ -1,0 +1,133 @@
+r"""The methods by which schedules are planned.
+
+``sequential``             one arm after the other, each in minimum time
+``constant-speed``         constant acceleration over a quarter of the path at either end, constant speed between,
+                           start delayed
+``constant-acceleration``  constant acceleration over half the path and constant deceleration over the other,
+                           start delayed
+``delay``                  minimum time, start delayed ("method 1" of Lee1991 section 2.4)
+``vci``                    velocity control intervals ("method 3", the paper's own)
+``offset``                 minimum time, started at the first instant from which it runs through without a conflict
+``interval``               minimum time for the first arm; the others shape their motions round those before them
+``optimal``                the best plan found with all arms free to yield, in any order
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.planners.cells import CoordinationCell, as_cell
+from armtempo.planners.coordination import delayed, offset, one_by_one, optimal, plan_vci, prioritised
+from armtempo.planners.schedules._schedule import Schedule
+from armtempo.planners.schedules._trapezoidal import trapezoidal
+from armtempo.planners.topp import LIMIT_EXCESS_MAX
+
+RAMPS = {"constant-speed": 0.25, "constant-acceleration": 0.5}  # shares of the path at either end
+
+
+def _sequential(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
+    motions, order = one_by_one(cell.timing, order)
+    return Schedule(method="sequential", cell=cell, trajectories=motions, order=order)
+
+
+def _delay(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
+    motions = delayed(cell.timing, cell.fastest, order)
+    return Schedule(method="delay", cell=cell, trajectories=motions, order=order)
+
+
+def _offset(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
+    return Schedule(method="offset", cell=cell, trajectories=offset(cell.timing, order), order=order)
+
+
+def _interval(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
+    return Schedule(method="interval", cell=cell, trajectories=prioritised(cell.timing, order), order=order)
+
+
+def _optimal(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
+    motions, found = optimal(cell.timing)
+    return Schedule(method="optimal", cell=cell, trajectories=motions, order=found)
+
+
+def _ramped(cell: CoordinationCell, order: tuple[int, ...], method: str) -> Schedule:
+    motions = delayed(cell.timing, tuple(trapezoidal(plane, RAMPS[method]) for plane in cell.planes), order)
+    return Schedule(method=method, cell=cell, trajectories=motions, order=order)
+
+
+def _vci(cell: CoordinationCell, order: tuple[int, ...], period: float | None = None) -> Schedule:
+    try:
+        period = cell.control_period if period is None else period
+        motions, plans = plan_vci(cell.planes, cell.chart_between, order, period)
+        if not cell.timing.is_free(motions):
+            raise InfeasibleError(f"velocity control's motions in {cell.name!r} are not certified free")
+        # its commands are not searched on the grid that the limits were refined for
+        if any(motion.certificate.excess > LIMIT_EXCESS_MAX for motion in motions):
+            raise InfeasibleError("velocity control's motions exceed a limit between stations", reason="grid")
+    except InfeasibleError as refusal:
+        try:  # the slave may not be able to stay behind everywhere, and yet have a way
+            shaped = prioritised(cell.timing, order)
+        except InfeasibleError:
+            raise refusal from None
+        return Schedule(
+            method="vci",
+            cell=cell,
+            trajectories=shaped,
+            order=order,
+            fallback="interval",
+            fallback_reason=refusal.message,
+        )
+    return Schedule(method="vci", cell=cell, trajectories=motions, order=order, vci=plans[order[-1]])
+
+
+# In the order in which tables show them.
+_PLANNERS: Mapping[str, Callable[[CoordinationCell, tuple[int, ...]], Schedule]] = {
+    "sequential": _sequential,
+    "constant-speed": partial(_ramped, method="constant-speed"),
+    "constant-acceleration": partial(_ramped, method="constant-acceleration"),
+    "delay": _delay,
+    "vci": _vci,
+    "offset": _offset,
+    "interval": _interval,
+    "optimal": _optimal,
+}
+METHODS = tuple(_PLANNERS)
+
+
+def schedule(
+    cell: CoordinationCell | str | Path, method: str, *, order: Sequence[int] | None = None, period: float | None = None
+) -> Schedule:
+    """Plan when every arm of a cell moves.
+
+    Args:
+        cell: Arms on their paths, the first with priority; or a bundled name or file to build it from.
+        method: One of ``METHODS``.
+        order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
+            is safe, ``optimal`` does without it.
+        period: Step of ``vci`` [s] (default: the cell's control period).
+
+    Raises:
+        UnknownNameError: No such method.
+        InputError: ``order`` does not name every arm once, or ``period`` is no period or is given to another method.
+        CollisionError: The arms are too close where they start or where they end.
+        InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
+            has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
+    """
+    cell = as_cell(cell, CoordinationCell)
+    if method not in _PLANNERS:
+        raise UnknownNameError("method", method, METHODS)
+    if period is not None and method != "vci":
+        raise InputError(f"method {method!r} has no period: it is that of 'vci'")
+    arms = tuple(range(len(cell.arms)))
+    chosen = arms if order is None else tuple(order)
+    if tuple(sorted(chosen)) != arms:
+        raise InputError(f"order {chosen} must name each of the {len(arms)} arms once, by its index")
+    if len(arms) == 1:
+        if method in RAMPS:
+            return _ramped(cell, (0,), method)
+        return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
+    cell.check_ends()
+    if method == "vci":
+        return _vci(cell, chosen, period)
+    return _PLANNERS[method](cell, chosen)

@@ -1,0 +1,327 @@
+"""Motions under commands, on ``Edges.steps``: whatever is commanded, the end can still be met inside the limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armtempo.arrays import Floats
+from armtempo.planners.topp._rows import (
+    COLUMNS_PER_ROW,
+    EDGE_HIGH,
+    EDGE_HIGH_NEXT,
+    EDGE_LOW,
+    EDGE_LOW_NEXT,
+    END_LOWEST,
+    ROW_A,
+    ROW_B,
+    ROW_COLUMNS,
+    ROW_HIGH,
+    ROW_LOW,
+    ROW_R,
+    SMALLEST_INERTIA,
+    STATION,
+    STATION_BEFORE,
+    STEP_HEADER_COLUMNS,
+    TWICE_LENGTH,
+    WHOLE_COLUMNS,
+    WHOLE_LEAST,
+    WHOLE_MOST,
+    WHOLE_SLOPE,
+    end_row,
+)
+from armtempo.robots import inlined, njit
+
+STATION_ROUNDING = 1e-12  # of the path: nearer to a station than this is there
+TIME_ROUNDING = 1e-9  # of the time asked for: a rest so short is none
+END_ROUNDING = 1e-9  # of the path: an arm at rest so near to the end has arrived
+X_AT_REST = 1e-18  # ``x = mu^2`` that is not larger is rest
+PIECES_MAX = 100_000
+
+
+@inlined
+def interval_at(steps: Floats, lam: float) -> int:
+    """The interval that begins at or before ``lam`` (the last one at the end).
+
+    Quick where stations are about equally far apart.
+    """
+    last = steps.shape[0] - 1
+    share = min(max(int(lam / steps[last, STATION] * last), 0), last)
+    i = int(steps[share, STATION_BEFORE])
+    while i < last - 1 and steps[i + 1, STATION] <= lam:
+        i += 1
+    return i
+
+
+@inlined
+def upper_edge(steps: Floats, i: int, w: float) -> float:
+    """``mu*^2``, the upper edge of the controllable set, at share ``w`` of interval i."""
+    return float(steps[i, EDGE_HIGH] + w * (steps[i, EDGE_HIGH_NEXT] - steps[i, EDGE_HIGH]))
+
+
+@njit
+def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: float, d2: float) -> tuple[float, float]:
+    """Bounds of ``u`` from one row with friction, met after travelling ``d2 / 2`` from ``x``."""
+    if d2 <= 0.0:
+        used = b * x + r * np.sqrt(x)
+        if a < 0.0:
+            a, low, high, used = -a, -high, -low, -used
+        return ((low - used) / a, (high - used) / a) if a > SMALLEST_INERTIA else (-np.inf, np.inf)
+    at_rest = -np.inf  # the hardest braking that the row allows where the arm comes to rest, its friction gone
+    if abs(a) > SMALLEST_INERTIA:
+        at_rest = low / a if a > 0.0 else high / a
+    low, high, band_low, band_high = end_row(a, b, r, low, high, d2, x)
+    if band_high > band_low:  # stay on the side where the arm is
+        low, high = (low, min(high, band_low)) if x <= band_low else (max(low, band_high), high)
+    # without a speed that is needed there the arm may come to rest before the end of the piece
+    return (low - x) / d2 if low > 0.0 else at_rest, (high - x) / d2
+
+
+@inlined
+def bounds_in(steps: Floats, i: int, w: float, x: float, d2: float) -> tuple[float, float]:
+    """Bounds of ``u`` from the rows at share ``w`` of interval i, met after travelling ``d2 / 2`` from ``x``."""
+    columns = steps.shape[1]
+    rows = (columns - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW
+    lowest, highest = -np.inf, np.inf
+    for j in range(STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * rows, columns, ROW_COLUMNS):
+        a = steps[i, j + ROW_A] + w * (steps[i + 1, j + ROW_A] - steps[i, j + ROW_A])
+        b = steps[i, j + ROW_B] + w * (steps[i + 1, j + ROW_B] - steps[i, j + ROW_B])
+        low = steps[i, j + ROW_LOW] + w * (steps[i + 1, j + ROW_LOW] - steps[i, j + ROW_LOW])
+        high = steps[i, j + ROW_HIGH] + w * (steps[i + 1, j + ROW_HIGH] - steps[i, j + ROW_HIGH])
+        r = steps[i, j + ROW_R] + w * (steps[i + 1, j + ROW_R] - steps[i, j + ROW_R])
+        if r != 0.0:
+            least, most = _viscous_bounds(a, b, r, low, high, x, d2)
+            lowest, highest = max(lowest, least), min(highest, most)
+            continue
+        a, low, high = a + d2 * b, low - b * x, high - b * x
+        if a < 0.0:
+            a, low, high = -a, -high, -low
+        if a > SMALLEST_INERTIA:
+            lowest, highest = max(lowest, low / a), min(highest, high / a)
+    return lowest, highest
+
+
+@njit
+def edge_speed(steps: Floats, lam: float) -> float:
+    """``mu*``, the largest speed at ``lam`` from which the end can be met."""
+    i = interval_at(steps, lam)
+    w = (lam - steps[i, STATION]) / (steps[i + 1, STATION] - steps[i, STATION])
+    return float(np.sqrt(max(upper_edge(steps, i, w), 0.0)))
+
+
+@njit
+def acceleration_bounds(steps: Floats, lam: float, x: float) -> tuple[float, float]:
+    """LB and UB (Lee1991 eq. 9): what the limits at ``(lam, x)`` alone allow."""
+    i = interval_at(steps, lam)
+    w = (lam - steps[i, STATION]) / (steps[i + 1, STATION] - steps[i, STATION])
+    return bounds_in(steps, i, w, x, 0.0)
+
+
+@inlined
+def _next_piece(
+    steps: Floats, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
+) -> tuple[float, float]:
+    """Length and ``u`` of the next piece in interval i, ``left`` before its end; no length: the arm stays at rest."""
+    width = steps[i + 1, STATION] - steps[i, STATION]
+    w = 1.0 - left / width
+    u_low, u_high = bounds_in(steps, i, w, x, 0.0)
+    goal_share = command * command if by_speed else 1.0
+    step = min(left, np.sqrt(x) * rest + 0.5 * max(u_high, 0.0) * rest * rest)
+    if step <= 0.0:
+        return 0.0, 0.0
+    here = upper_edge(steps, i, w)
+    if i == steps.shape[0] - 2 and step == left:
+        if x < 0.25 * goal_share * here:
+            step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
+        elif by_speed and x > goal_share * here > 0.0:
+            # too fast for the command: brake until the target is met, which also runs down to the end
+            meet = (x - goal_share * here) / (-2.0 * u_low - goal_share * here / left)
+            if 0.0 < meet < left:
+                step = meet
+    w_next = 1.0 if step == left else w + step / width
+    x_edge = upper_edge(steps, i, w_next)
+    x_floor = steps[i, EDGE_LOW] + w_next * (steps[i, EDGE_LOW_NEXT] - steps[i, EDGE_LOW])
+    d2 = 2.0 * step
+    end_low, end_high = bounds_in(steps, i, w_next, x, d2)
+    u_low, u_high = max(u_low, end_low), min(u_high, end_high)
+    if x_floor > 0.0:  # the arm cannot hold still here: it must stay fast enough
+        u_low = max(u_low, (x_floor - x) / d2)
+    u_high = min(u_high, (x_edge - x) / d2)
+    u_low = min(u_low, u_high)
+    if not by_speed:
+        return step, u_low + command * (u_high - u_low)
+    if command == 0.0:
+        return step, u_low
+    return step, min(max((goal_share * x_edge - x) / d2, u_low), u_high)
+
+
+@inlined
+def _one_piece(
+    steps: Floats, i: int, lam: float, x: float, rest: float, command: float, by_speed: bool
+) -> tuple[float, float, float, float]:
+    """Where the next piece ends, ``x`` there, its time and its ``u``; no time: the arm stays there until ``rest``.
+
+    A piece ends at the next station, where the arm comes to rest, or after ``rest`` [s].
+    """
+    last = steps.shape[0] - 1
+    left, mu = steps[i + 1, STATION] - lam, np.sqrt(x)
+    step, u = _next_piece(steps, i, left, x, rest, command, by_speed)
+    x_next = x + 2.0 * step * u
+    if step <= 0.0 or (x <= X_AT_REST and x_next <= X_AT_REST):
+        if step > 0.0:
+            x = 0.0
+            if i == last - 1 and left <= END_ROUNDING * steps[last, STATION]:
+                lam = steps[last, STATION]
+        return lam, x, 0.0, 0.0
+    there = steps[i + 1, STATION] if step == left else lam + step
+    if x_next <= X_AT_REST:
+        stop = x / (-2.0 * u) if u < 0.0 else step
+        if stop < step * (1.0 - 1e-12):
+            step, there, x_next = stop, lam + stop, 0.0
+        x_next = max(x_next, 0.0)
+    time = 2.0 * step / (mu + np.sqrt(x_next))
+    if time > rest:
+        mu_next = max(mu + u * rest, 0.0)
+        there, x_next, time = min(lam + 0.5 * (mu + mu_next) * rest, there), mu_next * mu_next, rest
+    return there, x_next, time, u
+
+
+@inlined
+def _write_ticks(
+    places: Floats, speeds: Floats, k: int, tick: float, used: float, time: float, lam: float, mu: float, u: float,
+    there: float,
+) -> int:  # fmt: skip
+    """Fill in the ticks from k on that are due in a piece from ``lam`` to ``there``; returns the next one."""
+    while k < places.shape[0] and tick * (k + 1) <= used + time:
+        t = tick * (k + 1) - used
+        places[k], speeds[k] = min(lam + t * (mu + 0.5 * t * u), there), max(mu + t * u, 0.0)
+        k += 1
+    return k
+
+
+@inlined
+def _whole_intervals(
+    steps: Floats, i: int, x: float, used: float, dt: float, command: float, by_speed: bool, k: int, tick: float,
+    places: Floats, speeds: Floats,
+) -> tuple[int, float, float, int]:  # fmt: skip
+    """Run through intervals from station i on, as many as fit in before ``dt``, three numbers per row and end.
+
+    Returns the station, ``x``, the time used and the next tick.
+    """
+    last = steps.shape[0] - 1
+    lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
+    share = command * command if by_speed else 1.0
+    mu = np.sqrt(x)
+    while i < last - 1:
+        d2, low, high = steps[i, TWICE_LENGTH], steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT]
+        for j in range(STEP_HEADER_COLUMNS, lines, WHOLE_COLUMNS):
+            change = steps[i, j + WHOLE_SLOPE] * x
+            low, high = max(low, steps[i, j + WHOLE_LEAST] + change), min(high, steps[i, j + WHOLE_MOST] + change)
+        low = min(low, high)
+        y = min(max(share * steps[i, EDGE_HIGH_NEXT], low), high) if by_speed else low + command * (high - low)
+        if by_speed and command == 0.0:
+            y = low
+        if not y > X_AT_REST:
+            break
+        mu_next = np.sqrt(y)
+        time = d2 / (mu + mu_next)
+        if not used + time < dt:
+            break
+        u = (y - x) / d2
+        k = _write_ticks(places, speeds, k, tick, used, time, steps[i, STATION], mu, u, steps[i + 1, STATION])
+        x, mu, used = y, mu_next, used + time
+        i += 1
+    return i, x, used, k
+
+
+@njit
+def _follow(
+    steps: Floats,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    tick: float,
+    ticks: int,
+    places: Floats,
+    speeds: Floats,
+    record: Floats,
+) -> tuple[float, float, float, int]:
+    """The loop of ``advance`` and ``record_motion``; see there. Returns lam, mu, the time used and rows recorded."""
+    last, dt, recording = steps.shape[0] - 1, tick * ticks, record.shape[0] > 0
+    end = steps[last, STATION]
+    x, used, k, count = mu * mu, 0.0, 0, 0
+    i = interval_at(steps, lam)
+    for _ in range(PIECES_MAX):
+        while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
+            i += 1
+        if lam >= end - STATION_ROUNDING * end:
+            lam, x = end, steps[last, EDGE_HIGH]
+            break
+        rest = dt - used
+        if rest <= TIME_ROUNDING * dt:
+            used = dt
+            break
+        if lam == steps[i, STATION] and not recording:
+            began = i
+            i, x, used, k = _whole_intervals(steps, i, x, used, dt, command, by_speed, k, tick, places, speeds)
+            if i > began:
+                lam = steps[i, STATION]
+                continue
+        there, x_next, time, u = _one_piece(steps, i, lam, x, rest, command, by_speed)
+        if time <= 0.0:
+            lam, x, used = there, x_next, (dt if there < end else used)
+            break
+        k = _write_ticks(places, speeds, k, tick, used, time, lam, np.sqrt(x), u, there)
+        lam, x = there, x_next
+        used = used + time if time < rest else dt
+        if recording:
+            record[count, 0], record[count, 1], record[count, 2] = used, lam, np.sqrt(x)
+            count += 1
+            if count == record.shape[0]:
+                break
+    mu = np.sqrt(x)
+    if lam < end and k == places.shape[0]:  # the last tick is due now, whatever rounding says
+        k = max(k - 1, 0)
+    for m in range(k, places.shape[0]):
+        places[m], speeds[m] = lam, mu
+    return lam, mu, used, count
+
+
+@njit
+def advance(
+    steps: Floats,
+    lam: float,
+    mu: float,
+    command: float,
+    by_speed: bool,
+    tick: float,
+    ticks: int,
+    places: Floats,
+    speeds: Floats,
+) -> tuple[float, float, float]:
+    """Move an arm along its path for so many ticks [s] under one command in [0, 1].
+
+    Piece by piece, each to the next station or to the end of the time, with one constant ``u`` from
+    ``[u_low, u_high]``: the rows at both ends of the piece, and no point above the controllable set. ``by_speed``:
+    ``u`` heads for ``command`` times ``mu*`` (0: brake as hard as the limits allow); else
+    ``u = u_low + command (u_high - u_low)``. The edge is obeyed to rounding, so the end can always be met; the rows
+    *inside* a piece hold to the second order of its length.
+
+    ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
+    asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
+    """
+    lam, mu, used, _ = _follow(steps, lam, mu, command, by_speed, tick, ticks, places, speeds, steps[:0])  # no record
+    return lam, mu, used
+
+
+@njit
+def record_motion(
+    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, tick: float, ticks: int, record: Floats
+) -> tuple[float, float, float, int]:
+    """As ``advance``; ``record`` (K, 3) receives (time, lam, mu) after every piece.
+
+    No interval is run through as a whole, which differs by rounding. Returns lam, mu, the time used and the number of
+    rows recorded; a full record ends the motion.
+    """
+    none = steps[0, :0]
+    return _follow(steps, lam, mu, command, by_speed, tick, ticks, none, none, record)

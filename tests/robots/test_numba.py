@@ -1,0 +1,53 @@
+"""Compiled functions on disk: a change of what they call counts, too."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import armtempo
+from armtempo.robots._numba import kernel_digest
+
+CALLEE = "from armtempo.robots._numba import njit\n\n\n@njit\ndef callee(x):\n    return x + {}\n"
+CALLER = (
+    "from armtempo.robots._callee import callee\nfrom armtempo.robots._numba import njit\n\n\n"
+    "@njit\ndef caller(x):\n    return callee(x)\n"
+)
+RUN = """
+from armtempo.robots._caller import caller
+value = caller(1)
+print(value, sum(caller.stats.cache_hits.values()))
+"""
+
+
+def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None:
+    package = tmp_path / "armtempo"
+    ignored = shutil.ignore_patterns("__pycache__", "shipped", "benchmarks")
+    shutil.copytree(Path(armtempo.__file__).parent, package, ignore=ignored)  # links are followed
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    environment["PYTHONPATH"] = str(tmp_path)
+
+    def result(added: int) -> str:
+        (package / "robots" / "_callee.py").write_text(CALLEE.format(added))
+        (package / "robots" / "_caller.py").write_text(CALLER)
+        run = subprocess.run(
+            [sys.executable, "-c", RUN], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return run.stdout.strip()
+
+    assert result(1) == "2 0"
+    assert result(1) == "2 1"  # from disk
+    assert result(2) == "3 0"
+
+
+def test_only_files_with_kernels_count(tmp_path: Path) -> None:
+    (tmp_path / "one.py").write_text("@njit\ndef one(): ...\n")
+    (tmp_path / "other.py").write_text("two = 2\n")
+    before = kernel_digest([tmp_path])
+    (tmp_path / "other.py").write_text("two = 3\n")
+    assert kernel_digest([tmp_path]) == before
+    (tmp_path / "one.py").write_text("@njit\ndef one(): pass\n")
+    assert kernel_digest([tmp_path]) != before
