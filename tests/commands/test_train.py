@@ -70,7 +70,7 @@ def test_train_then_evaluate_in_one_table_with_planners(capsys: pytest.CaptureFi
         (["evaluate", "lee1991", "--policies", "ppo:no.npz"], "no such agent file"),
         (["evaluate", "lee1991", "--start-phase", "0.5", "0.2"], "--start-phase must be"),
         (["evaluate", "lee1991", "--observation-noise", "-1"], "--observation-noise must be"),
-        (["evaluate", "lee2006", "--shield"], "--shield: for cells of several arms"),
+        (["evaluate", "lee2006", "--shield"], "in blend cells '--shield'"),
     ],
 )
 def test_errors_are_one_line(line: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
