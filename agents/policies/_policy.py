@@ -28,7 +28,7 @@ class Policy(Protocol[ObservationT_contra, ActionT_co]):
         """Forget the last episode; all randomness comes from ``seed``."""
         ...
 
-    def act(self, observation: ObservationT_contra, env: Any) -> ActionT_co:
+    def act(self, observation: ObservationT_contra, env: Any, /) -> ActionT_co:
         """What to do about an observation of ``env``."""
         ...
 

@@ -175,8 +175,8 @@ def test_environments_take_the_families_in_turn(tmp_path: Path, monkeypatch: pyt
         drawn.append(family)
         return draw_target(cell, family, random)
 
-    for module in ("_feedback_ik", "_ik_vector"):
-        monkeypatch.setattr(f"armtempo.envs.{module}.draw_target", recorded)
+    for module in ("_env", "_vector_env"):
+        monkeypatch.setattr(f"armtempo.envs.ik.{module}.draw_target", recorded)
     one_update = """
 algorithm: ppo
 total_steps: 8
