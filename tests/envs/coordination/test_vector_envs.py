@@ -341,16 +341,15 @@ def test_a_seed_of_none_goes_on_with_what_is_drawn(lee1991: CoordinationCell) ->
         np.testing.assert_array_equal(seen[singles.index(env)], last)
 
 
-def test_options_are_checked_by_their_record(lee1991: CoordinationCell) -> None:
-    kinds: tuple[Any, ...] = (YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation)
-    for kind in kinds:
-        make = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
-        with pytest.raises(UnknownNameError, match="sheild"):
-            kind(**make, sheild=True)
-        with pytest.raises(InputError, match="max_episode_s"):
-            kind(**make, max_episode_s=True)
-        with pytest.raises(InputError, match="model_error"):
-            kind(**make, model_error=0.1)
+@pytest.mark.parametrize("kind", [YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation])
+def test_options_are_checked_by_their_record(kind: Any, lee1991: CoordinationCell) -> None:
+    make = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
+    with pytest.raises(UnknownNameError, match="sheild"):
+        kind(**make, sheild=True)
+    with pytest.raises(InputError, match="max_episode_s"):
+        kind(**make, max_episode_s=True)
+    with pytest.raises(InputError, match="model_error"):
+        kind(**make, model_error=0.1)
 
 
 def test_bullet_is_refused_in_one_line_that_names_the_way_out() -> None:

@@ -159,7 +159,8 @@ def test_going_on_from_a_saved_state(chung: IKCell, family: Any) -> None:
         other.set_state({name: array[:2] for name, array in state.items()})
     others: list[dict[str, Any]] = [{"target_seed": 1, "family": "smooth"}, {"action_mode": "speeds", "family": family}]
     for changes in others:
-        another = FeedbackIKVectorEnv(5, chung, **{"action_mode": "gains", "targets": 4, **changes})
+        asked: dict[str, Any] = {"action_mode": "gains", "targets": 4, **changes}
+        another = FeedbackIKVectorEnv(5, chung, **asked)
         another.reset(seed=0)
         with pytest.raises(InputError, match="does not fit"):
             another.set_state(state)
