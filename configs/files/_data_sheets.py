@@ -10,13 +10,13 @@ from pydantic import TypeAdapter
 from armtempo.configs.files._find import DATA, data_path
 from armtempo.configs.files._messages import closest
 from armtempo.configs.files._yaml import parse_yaml
-from armtempo.configs.schema import AnyCellConfig, RobotConfig
+from armtempo.configs.schema import CellFileConfig, RobotConfig
 from armtempo.errors import ConfigError
 
 PYBULLET_PREFIX = "pybullet_data/"
 
 
-def resolve_file(config: AnyCellConfig, name: str) -> Path:
+def resolve_file(config: CellFileConfig, name: str) -> Path:
     """Find a file that a cell names: next to the cell file first, else among the bundled robots or PyBullet's data.
 
     Args:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from armtempo.planners.cells._arm_from_config import arm_from, located
 from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
 from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
-from armtempo.planners.cells._cell import Cell, CellBase, Sweep, sweeps_along
+from armtempo.planners.cells._cell import Cell, CellBase, OneArmCell, Sweep, sweeps_along
 from armtempo.planners.cells._coordination_cell import CoordinationCell
 from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
@@ -12,6 +13,9 @@ from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
 
 __all__ = [
+    "OneArmCell",
+    "arm_from",
+    "located",
     "BlendCell",
     "CELLS",
     "Cell",

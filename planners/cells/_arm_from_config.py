@@ -9,10 +9,10 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.configs import (
-    AnyCellConfig,
     ArcConfig,
     ArmConfig,
     CellConfig,
+    CellFileConfig,
     LineConfig,
     MountedArmConfig,
     ObstacleConfig,
@@ -38,7 +38,7 @@ def located(place: str) -> Iterator[None]:
         raise error.at(place) from error
 
 
-def arm_from(config: AnyCellConfig, arm: MountedArmConfig) -> Arm:
+def arm_from(config: CellFileConfig, arm: MountedArmConfig) -> Arm:
     sheet = robot_config(arm.urdf)
     arm = arm.over(sheet)
     tool = None

@@ -10,14 +10,13 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.configs import AnyCellConfig, BlendCellConfig, IKCellConfig, ToolConfig
+from armtempo.configs import CellFileConfig, ToolConfig
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, Shape
 
 __all__ = ["Cell", "CellBase", "OneArmCell", "Sweep", "sweeps_along"]
 
-ConfigT = TypeVar("ConfigT", bound=AnyCellConfig)
-OneArmConfigT = TypeVar("OneArmConfigT", BlendCellConfig, IKCellConfig)
+ConfigT = TypeVar("ConfigT", bound=CellFileConfig)
 
 
 class Sweep(NamedTuple):
@@ -41,7 +40,7 @@ class Cell(Protocol):
         """What it is for: ``kind`` of its file."""
 
     @property
-    def config(self) -> AnyCellConfig:
+    def config(self) -> CellFileConfig:
         """What it was built from."""
 
     @property
@@ -128,7 +127,8 @@ class CellBase(Generic[ConfigT]):
     @property
     def tools(self) -> tuple[ToolConfig | None, ...]:
         """What each arm carries."""
-        return tuple(arm.tool for arm in self.config.arms)
+        config: Any = self.config  # every kind's has its arms
+        return tuple(arm.tool for arm in config.arms)
 
     @property
     def kind(self) -> str:
@@ -157,7 +157,7 @@ class CellBase(Generic[ConfigT]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OneArmCell(CellBase[OneArmConfigT]):
+class OneArmCell(CellBase[ConfigT]):
     """One arm and what it is to do.
 
     Attributes:

@@ -118,7 +118,7 @@ def check_kind(name: str, cell: CellBase[Any], *, seed: int = 0) -> None:
     kind = KINDS[name]
     assert kind.policies
     run: Any = evaluate  # its overloads are the kinds that come with armtempo
-    once, again = (run(cell, kind.policies, episodes=1, seed=seed, physics="ideal") for _ in range(2))
+    once, again = (run(cell, episodes=1, seed=seed, physics="ideal") for _ in range(2))
     said = json.loads(json.dumps(once.to_dict(), default=_plain))
     assert set(said["policies"]) == set(kind.policies) - set(said.get("refused", ()))
     assert once.results.keys() == again.results.keys()
