@@ -105,10 +105,10 @@ def _run(
                 if uncertain[i] and period < standing:
                     places[i] = lam[i]
                 else:
-                    steps = steps_of(world, i)
+                    own = steps_of(world, i)
                     lam[i], mu[i], done[i], _ = phase_kernels.advance(
-                        steps, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
-                        speeds, steps[:0],
+                        own, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i],
+                        speeds, own[:0],
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[0] += 1
