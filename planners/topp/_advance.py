@@ -211,7 +211,7 @@ def _whole_intervals(
     last = steps.shape[0] - 1
     lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
     share = command * command if by_speed else 1.0
-    mu = np.sqrt(x)
+    mu, due = np.sqrt(x), (tick * (k + 1) if k < places.shape[0] else np.inf)
     while i < last - 1:
         d2, low, high = steps[i, TWICE_LENGTH], steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT]
         for j in range(STEP_HEADER_COLUMNS, lines, WHOLE_COLUMNS):
@@ -227,8 +227,10 @@ def _whole_intervals(
         time = d2 / (mu + mu_next)
         if not used + time < dt:
             break
-        u = (y - x) / d2
-        k = _write_ticks(places, speeds, k, tick, used, time, steps[i, STATION], mu, u, steps[i + 1, STATION])
+        if due <= used + time:
+            u, there = (y - x) / d2, steps[i + 1, STATION]
+            k = _write_ticks(places, speeds, k, tick, used, time, steps[i, STATION], mu, u, there)
+            due = tick * (k + 1) if k < places.shape[0] else np.inf
         x, mu, used = y, mu_next, used + time
         i += 1
     return i, x, used, k
