@@ -23,16 +23,22 @@ def poses() -> tuple[Floats, Floats]:
     return generator.uniform(-1.0, 1.0, (4, 3)), Rotation.random(4, rng=generator).as_matrix()
 
 
+def at(motion: Motion, *times: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """What a motion with rates says, as arrays."""
+    p, R, v, w = (np.asarray(part, dtype=np.float64) for part in motion(np.array(times)) if part is not None)
+    return p, R, v, w
+
+
 def check_rates(motion: Motion, t: Floats) -> None:
     """Compare the rates of a motion with central differences of its poses."""
     h = 1e-5
-    _, R, v, w = motion(t)
-    p0, R0, _, _ = motion(t - h)
-    p1, R1, _, _ = motion(t + h)
-    np.testing.assert_allclose(v, (np.asarray(p1) - np.asarray(p0)) / (2 * h), atol=1e-7)
-    turn = (Rotation.from_matrix(np.asarray(R1)) * Rotation.from_matrix(np.asarray(R0)).inv()).as_rotvec()
+    _, R, v, w = at(motion, *t)
+    p0, R0, _, _ = at(motion, *(t - h))
+    p1, R1, _, _ = at(motion, *(t + h))
+    np.testing.assert_allclose(v, (p1 - p0) / (2 * h), atol=1e-7)
+    turn = (Rotation.from_matrix(R1) * Rotation.from_matrix(R0).inv()).as_rotvec()
     np.testing.assert_allclose(w, turn / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(np.linalg.det(np.asarray(R)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(R), 1.0, atol=1e-12)
 
 
 def test_the_smooth_step_has_no_slope_nor_curvature_at_its_ends_and_is_steepest_in_the_middle() -> None:
@@ -57,7 +63,7 @@ def test_a_harmonic_motion_is_its_cosine_and_does_not_turn() -> None:
     motion = harmonic(center, swing, 4.0, rotation.as_matrix())
     t = np.linspace(0.1, 3.0, 50)
     check_rates(motion, t)
-    p, R, _, w = motion(np.array([0.0, np.pi / 4]))
+    p, R, _, w = at(motion, 0.0, np.pi / 4)
     np.testing.assert_allclose(p, [center + swing, center - swing], atol=1e-15)
     np.testing.assert_array_equal(R, np.stack([rotation.as_matrix()] * 2))
     np.testing.assert_array_equal(w, 0.0)
@@ -66,22 +72,22 @@ def test_a_harmonic_motion_is_its_cosine_and_does_not_turn() -> None:
 def test_poses_are_passed_at_rest_in_straight_lines_about_one_axis(poses: tuple[Floats, Floats]) -> None:
     positions, rotations = poses
     motion = through_poses(TIMES, positions, rotations)
-    p, R, v, w = motion(np.array(TIMES))
+    p, R, v, w = at(motion, *TIMES)
     np.testing.assert_allclose(p, positions, atol=1e-14)
     np.testing.assert_allclose(R, rotations, atol=1e-14)
     np.testing.assert_allclose([v, w], 0.0, atol=1e-13)
     inside = np.linspace(1.55, 2.95, 30)
     check_rates(motion, inside)
-    p, _, v, w = motion(inside)
+    p, _, v, w = at(motion, *inside)
     way = (positions[2] - positions[1]) / np.linalg.norm(positions[2] - positions[1])
-    np.testing.assert_allclose(np.cross(np.asarray(p) - positions[1], way), 0.0, atol=1e-14)
-    axis = np.asarray(w) / np.linalg.norm(np.asarray(w), axis=1, keepdims=True)
+    np.testing.assert_allclose(np.cross(p - positions[1], way), 0.0, atol=1e-14)
+    axis = w / np.linalg.norm(w, axis=1, keepdims=True)
     np.testing.assert_allclose(axis, np.broadcast_to(axis[0], axis.shape), atol=1e-9)
 
 
 def test_before_the_first_pose_and_after_the_last_it_stands(poses: tuple[Floats, Floats]) -> None:
     positions, rotations = poses
-    p, R, v, w = through_poses(TIMES, positions, rotations)(np.array([0.0, 9.0]))
+    p, R, v, w = at(through_poses(TIMES, positions, rotations), 0.0, 9.0)
     np.testing.assert_allclose(p, positions[[0, -1]], atol=1e-14)
     np.testing.assert_allclose(R, rotations[[0, -1]], atol=1e-14)
     np.testing.assert_array_equal([v, w], np.zeros((2, 2, 3)))

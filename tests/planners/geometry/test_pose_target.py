@@ -17,6 +17,10 @@ from armtempo.planners.geometry import PoseTarget
 TURNING = np.array([0.4, -0.3, 0.8])  # [rad/s]
 
 
+def instants(count: int, step: float) -> Floats:
+    return np.asarray(step * np.arange(count), dtype=np.float64)
+
+
 def screw(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Round a circle of radius 0.5 at 2 rad/s, turning steadily."""
     p = 0.5 * np.stack([np.cos(2 * t), np.sin(2 * t), 0.2 * t], axis=1)
@@ -41,7 +45,7 @@ def test_the_duration_is_rounded_to_whole_steps(steps: int, step: float, off: fl
 
 def test_samples_of_a_function_are_its_values_at_samples_and_middles() -> None:
     target = PoseTarget.sample(screw, 1.0, 0.1)
-    p, R, v, w = screw(0.05 * np.arange(21))
+    p, R, v, w = screw(instants(21, 0.05))
     np.testing.assert_array_equal(target.position, p)
     np.testing.assert_allclose(target.rotation, R, atol=1e-15)
     np.testing.assert_array_equal(target.velocity, v)
@@ -68,10 +72,10 @@ def test_differences_serve_where_no_rates_are_given() -> None:
 def test_middles_between_samples_with_rates_are_of_fourth_order() -> None:
     misses = []
     for step in (0.1, 0.05):
-        t = step * np.arange(21)
+        t = instants(21, step)
         p, R, v, w = screw(t)
         target = PoseTarget.through(p, R, step, velocity=v, angular_velocity=w)
-        exact_p, exact_R, exact_v, _ = screw(0.5 * step * np.arange(41))
+        exact_p, exact_R, exact_v, _ = screw(instants(41, 0.5 * step))
         np.testing.assert_array_equal(target.position[::2], p)
         misses.append(
             [
@@ -97,7 +101,7 @@ def test_turning_between_samples_follows_any_axis(seed: int, step: float) -> Non
         first = Rotation.from_rotvec(t[:, None] * one)
         return np.asarray(one + first.apply(np.cos(t)[:, None] * two))
 
-    t, fine = step * np.arange(9), 0.5 * step * np.arange(17)
+    t, fine = instants(9, step), instants(17, 0.5 * step)
     p = np.zeros((9, 3))
     target = PoseTarget.through(p, rotations(t).as_matrix(), step, velocity=p, angular_velocity=turning(t))
     assert angle_between(target.rotation, rotations(fine).as_matrix()).max() < 0.5 * step**4 + 1e-12
