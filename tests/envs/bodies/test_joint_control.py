@@ -21,7 +21,7 @@ def torques(
     *,
     gain: float = 0.0,
     limit: float = 1e9,
-    coulomb: float = 0.0,
+    dry: float = 0.0,
 ) -> tuple[Floats, Floats]:
     n = cell.arm.dof
     demand, torque = np.empty(n), np.empty(n)
