@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 __all__ = ["inlined", "njit", "unlocked"]
 
@@ -40,30 +40,20 @@ if TYPE_CHECKING:
 
 else:
     import numba
-    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+    from numba.core.caching import FunctionCache
 
     _PACKAGE = Path(__file__).parents[1]
     _DIGEST = kernel_digest(_PACKAGE / name for name in ("robots", "planners", "envs"))
 
-    class _Locator:
-        """numba's own locator, but a function's source is out of date when any kernel has changed."""
-
-        def __init__(self, locator: Any) -> None:
-            self._locator = locator
-
-        def get_source_stamp(self) -> object:
-            return self._locator.get_source_stamp(), _DIGEST
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self._locator, name)
-
-    class _CacheImpl(CompileResultCacheImpl):
-        @property
-        def locator(self) -> Any:
-            return _Locator(super().locator)
-
     class _Cache(FunctionCache):
-        _impl_class = _CacheImpl
+        """numba's own, but files of other kernels are those of another version.
+
+        numba reads the version first. The rest of a file may name types that have moved since, and cannot be read then.
+        """
+
+        def __init__(self, function: Callable[..., object]) -> None:
+            super().__init__(function)
+            self._cache_file._version = f"{numba.__version__} {_DIGEST}"
 
     def _compiled(**options: object) -> Callable[[F], F]:
         def decorate(function: F) -> F:
