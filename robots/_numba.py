@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable
-from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 __all__ = ["inlined", "njit", "unlocked"]
 
@@ -42,29 +40,20 @@ if TYPE_CHECKING:
 
 else:
     import numba
-    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+    from numba.core.caching import FunctionCache
 
     _PACKAGE = Path(__file__).parents[1]
     _DIGEST = kernel_digest(_PACKAGE / name for name in ("robots", "planners", "envs"))
 
-    @cache
-    def _forget_others(folder: Path) -> None:
-        """Delete what was compiled from other kernels: nobody reads it again."""
-        for file in folder.glob("*.nb[ic]"):
-            if _DIGEST not in file.name:
-                with suppress(OSError):
-                    file.unlink()
-
-    class _CacheImpl(CompileResultCacheImpl):
-        """Files have the digest in their names: numba reads one whole before it asks whether it is out of date."""
-
-        def __init__(self, function: Any) -> None:
-            super().__init__(function)
-            self._filename_base = f"{self._filename_base}-{_DIGEST}"
-            _forget_others(Path(self.locator.get_cache_path()))
-
     class _Cache(FunctionCache):
-        _impl_class = _CacheImpl
+        """numba's own, but files of other kernels are those of another version.
+
+        numba reads the version first. The rest of a file may name types that have moved since, and cannot be read then.
+        """
+
+        def __init__(self, function: Callable[..., object]) -> None:
+            super().__init__(function)
+            self._cache_file._version = f"{numba.__version__} {_DIGEST}"
 
     def _compiled(**options: object) -> Callable[[F], F]:
         def decorate(function: F) -> F:

@@ -7,13 +7,13 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, final
+from typing import Any, NoReturn, final
 from xml.etree import ElementTree
 
 from armtempo.arrays import Floats
 from armtempo.configs import ToolConfig
 from armtempo.envs.bodies._bullet import pybullet, quiet
-from armtempo.errors import RobotError
+from armtempo.errors import InputError, RobotError
 from armtempo.planners import Cell
 from armtempo.robots import Arm
 
@@ -135,6 +135,12 @@ class Scene:
                 body, joints, pybullet.TORQUE_CONTROL, forces=row[: len(joints)], physicsClientId=self.client
             )
         pybullet.stepSimulation(physicsClientId=self.client)
+
+    def __reduce__(self) -> NoReturn:
+        raise InputError(  # a copy would move the same bodies
+            "what is in PyBullet can neither be copied nor pickled",
+            remedy='copy one of physics="ideal" without pictures, or reset another one with the same seed',
+        )
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""

@@ -16,6 +16,12 @@ CALLER = (
     "from armtempo.robots._callee import callee\nfrom armtempo.robots._numba import njit\n\n\n"
     "@njit\ndef caller(x):\n    return callee(x)\n"
 )
+TAKER = "from armtempo.robots._numba import njit\n\n\n@njit\ndef caller(pair):\n    return pair.one + pair.other\n"
+TYPES = (
+    "from typing import NamedTuple\n\nfrom armtempo.robots._numba import njit\n\n\n"
+    "class Pair(NamedTuple):\n    one: int\n    other: int\n\n\n"
+    "@njit\ndef kernel(): ...\n"
+)
 RUN = """
 from armtempo.robots._caller import caller
 value = caller(1)
@@ -43,6 +49,31 @@ def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None
     assert result(2) == "3 0"
     kept = [file.name for file in (package / "robots" / "__pycache__").glob("_caller.caller-*.nb?")]
     assert len(kept) == 2  # what was compiled from the other callee is gone: an index and one compiled form are left
+
+
+def test_compiled_functions_of_types_that_have_moved_are_compiled_anew(tmp_path: Path) -> None:
+    package = tmp_path / "armtempo"
+    ignored = shutil.ignore_patterns("__pycache__", "shipped", "benchmarks")
+    shutil.copytree(Path(armtempo.__file__).parent, package, ignore=ignored)
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    environment["PYTHONPATH"] = str(tmp_path)
+    (package / "robots" / "_caller.py").write_text(TAKER)
+
+    def result(module: str) -> str:
+        file = package / "robots" / f"{module}.py"
+        file.write_text(TYPES)
+        run = (
+            f"from armtempo.robots._caller import caller\nfrom armtempo.robots.{module} import Pair\n"
+            "print(caller(Pair(1, 2)))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", run], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        file.unlink()
+        return done.stdout.strip() or done.stderr
+
+    assert result("_old_place") == "3"
+    assert result("_new_place") == "3"
 
 
 def test_only_files_with_kernels_count(tmp_path: Path) -> None:

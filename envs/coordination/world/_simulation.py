@@ -116,7 +116,6 @@ class CoordinationSimulation:
         self._scratch = scratch_for(1, arms, ticks)
         self._active = np.ones(1, dtype=np.bool_)
         self._unused = np.zeros((1, arms)), np.zeros((1, arms), dtype=np.bool_), np.zeros((1, arms), dtype=np.bool_)
-        self.lam, self.mu = self._episodes.lam[0], self._episodes.mu[0]
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
         self._lengths = np.array([path.length for path in cell.paths])
         self._controller = Controller(
@@ -179,6 +178,16 @@ class CoordinationSimulation:
         self._recorder.clear()
         if self.record:
             self._keep(nearest, np.zeros(self.arms))
+
+    @property
+    def lam(self) -> Floats:
+        """(A,) where the references are now; not kept beside the episodes: a copy would have one of its own."""
+        return self._episodes.lam[0]
+
+    @property
+    def mu(self) -> Floats:
+        """(A,) their speeds now."""
+        return self._episodes.mu[0]
 
     @property
     def time(self) -> float:

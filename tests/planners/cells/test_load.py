@@ -12,8 +12,16 @@ import numpy as np
 import pytest
 
 from armtempo.configs import data_path
-from armtempo.errors import ArmtempoError, CollisionError, ConfigError, InfeasibleError, PathError, UnknownNameError
-from armtempo.planners import METHODS, BlendedPath, CoordinationCell, build_cell, load_cell, schedule
+from armtempo.errors import (
+    ArmtempoError,
+    CollisionError,
+    ConfigError,
+    InfeasibleError,
+    InputError,
+    PathError,
+    UnknownNameError,
+)
+from armtempo.planners import METHODS, BlendedPath, Cell, CoordinationCell, build_cell, load_cell, schedule
 from armtempo.planners.joint_paths import CartesianJointPath
 
 Cells = Callable[..., Path]
@@ -40,6 +48,14 @@ def test_a_file_of_the_users_own_is_the_same_cell(write_cell: Cells, lee1991: Co
     assert own.fastest[0].duration == lee1991.fastest[0].duration
     np.testing.assert_array_equal(own.chart.states, lee1991.chart.states)
     assert build_cell(own.config).paths[1].length == own.paths[1].length
+
+
+@pytest.mark.parametrize("kind", [Cell, "blend", int])
+def test_what_is_no_class_of_cells_is_refused(kind: Any) -> None:
+    with pytest.raises(
+        InputError, match=r"kind must be a class of cells, got .*give CoordinationCell, BlendCell, IKCell"
+    ):
+        load_cell("lee1991", kind)
 
 
 def arm(data: dict[str, Any], i: int = 0) -> dict[str, Any]:
