@@ -43,10 +43,11 @@ def load_cell(name_or_path: str | Path, kind: type[CellBase[Any]] | None = None)
     """
     if kind is None:
         return build_cell(load_cell_config(name_or_path))
-    if not (isinstance(kind, type) and issubclass(kind, CellBase)):
+    given: object = kind  # whatever the annotation says
+    if not (isinstance(given, type) and issubclass(given, CellBase)):
         known = ", ".join(one.__name__ for one in CELLS.values())
-        raise InputError(f"kind must be a class of cells, got {kind!r}", remedy=f"give {known}, or leave it out")
-    return build_cell(load_cell_config(name_or_path, kind.config_type))
+        raise InputError(f"kind must be a class of cells, got {given!r}", remedy=f"give {known}, or leave it out")
+    return kind.from_config(load_cell_config(name_or_path, kind.config_type))
 
 
 @overload
