@@ -175,7 +175,7 @@ def test_environments_take_the_families_in_turn(tmp_path: Path, monkeypatch: pyt
         drawn.append(family)
         return draw_target(cell, family, random)
 
-    for module in ("_env", "_vector_env"):
+    for module in ("_env", "_batch"):
         monkeypatch.setattr(f"armtempo.envs.ik.{module}.draw_target", recorded)
     one_update = """
 algorithm: ppo
