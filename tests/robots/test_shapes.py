@@ -1,0 +1,108 @@
+"""Shapes: enclosing capsules in closed form, hulls with outward faces, and what is no shape."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from armtempo.errors import RobotError, UnknownNameError
+from armtempo.robots import static_shape
+from armtempo.robots._shapes import _spindle, make_shape, pack
+
+size = st.floats(0.01, 1.0)
+
+
+def pose(seed: int) -> Any:
+    generator = np.random.default_rng(seed)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Rotation.random(rng=generator).as_matrix(), generator.uniform(-1.0, 1.0, 3)
+    return T
+
+
+@given(size, size)
+def test_the_least_capsule_about_a_cylinder_touches_its_rim_or_its_side(radius: float, length: float) -> None:
+    wide, half = _spindle(radius, length)
+    assert radius <= wide <= math.hypot(radius, length / 2) + 1e-12
+    if half > 0.0:  # the round end passes through the rim
+        assert math.hypot(radius, length / 2 - half) == pytest.approx(wide)
+    volume = math.pi * wide**2 * (2 * half + 4 / 3 * wide)
+    for other in (radius, math.hypot(radius, length / 2)):  # the narrowest and the shortest
+        rest = max(length / 2 - math.sqrt(max(other**2 - radius**2, 0.0)), 0.0)
+        assert volume <= math.pi * other**2 * (2 * rest + 4 / 3 * other) * (1 + 1e-12)
+
+
+@given(size, size, st.integers(0, 100))
+def test_a_capsule_and_a_ball_are_their_own_capsules(radius: float, length: float, seed: int) -> None:
+    T = pose(seed)
+    shape = static_shape("capsule", [radius, length], T_world=T)
+    p0, p1, told = shape.capsule
+    assert (shape.exact, told) == (True, radius)
+    np.testing.assert_allclose([p0, p1], T[:3, 3] + np.outer([-length / 2, length / 2], T[:3, 2]), atol=1e-12)
+    ball = static_shape("sphere", [radius], T_world=T)
+    np.testing.assert_allclose(ball.capsule[0], ball.capsule[1])
+    assert ball.points.shape == (1, 3)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 1000))
+def test_a_hull_holds_its_points_and_its_faces_look_outwards(seed: int) -> None:
+    points = np.random.default_rng(seed).uniform(-0.5, 0.5, (20, 3))
+    shape = static_shape("convex", vertices=points, T_world=pose(seed))
+    assert shape.vertices is not None
+    assert shape.faces is not None
+    corners = shape.vertices[shape.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outside = np.einsum("fi,fpi->fp", normals, points[None] - corners[:, :1])
+    assert (outside <= 1e-12).all()
+    p0, p1, radius = shape.capsule
+    world = points @ shape.T_link_shape[:3, :3].T + shape.T_link_shape[:3, 3]
+    along = np.clip((world - p0) @ (p1 - p0) / max(float((p1 - p0) @ (p1 - p0)), 1e-300), 0.0, 1.0)
+    assert np.linalg.norm(world - p0 - along[:, None] * (p1 - p0), axis=1).max() <= radius + 1e-12
+
+
+def test_packed_capsules_are_read_only_and_in_order() -> None:
+    shapes = [make_shape("sphere", [0.1 * k], np.eye(4), link=k, link_name=f"link{k}") for k in (1, 2, 3)]
+    packed = pack(shapes)
+    np.testing.assert_array_equal(packed.link, [1, 2, 3])
+    np.testing.assert_allclose(packed.radius, [0.1, 0.2, 0.3])
+    with pytest.raises(ValueError, match="read-only"):
+        packed.p0[0] = 1.0
+    assert pack([]).p0.shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "message"),
+    [
+        ("sphere", [0.0], "a sphere cannot have the size .*give radius in metres"),
+        ("box", [1.0, 1.0], "a box cannot have the size .*give x, y, z in metres"),
+        ("capsule", [1.0, -0.1], "a capsule cannot have the size"),
+        ("cylinder", [1.0, 0.0], "a cylinder cannot have the size"),
+        ("sphere", [math.inf], "a sphere cannot have the size"),
+        ("sphere", [math.nan], "a sphere cannot have the size"),
+        ("convex", [1.0], "a convex cannot have the size"),
+    ],
+)
+def test_sizes_that_no_body_has_are_refused(kind: str, values: list[float], message: str) -> None:
+    with pytest.raises(RobotError, match=rf"collision shape of 'pin': {message}"):
+        static_shape(kind, values, name="pin")
+
+
+def test_a_capsule_may_have_no_length_but_three_points_are_no_hull() -> None:
+    assert static_shape("capsule", [0.1, 0.0]).points.shape == (1, 3)
+    for vertices in (np.eye(3), None):
+        with pytest.raises(RobotError, match="collision hull of 'plate': its points span no volume"):
+            static_shape("convex", vertices=vertices, name="plate")
+
+
+def test_other_kinds_and_poses_that_are_none_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="'cone'"):
+        static_shape("cone", [1.0, 1.0])
+    for T in (np.eye(3), 2.0 * np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0])):
+        with pytest.raises(RobotError, match="pose of 'pin' is not a rigid transform"):
+            static_shape("sphere", [0.1], T_world=T, name="pin")
