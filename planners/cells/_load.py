@@ -41,12 +41,11 @@ def load_cell(name_or_path: str | Path, kind: type[CellBase[Any]] | None = None)
         InfeasibleError: Torque limits are too small; the message names the station and the joint.
         CollisionError: A path hits an obstacle or its own arm, or the arms start or end too close.
     """
-    if kind is None:
-        return build_cell(load_cell_config(name_or_path))
-    if not (isinstance(kind, type) and issubclass(kind, CellBase)):
+    if kind is not None and not (isinstance(kind, type) and issubclass(kind, CellBase)):
         known = ", ".join(one.__name__ for one in CELLS.values())
         raise InputError(f"kind must be a class of cells, got {kind!r}", remedy=f"give {known}, or leave it out")
-    return build_cell(load_cell_config(name_or_path, kind.config_type))
+    config = load_cell_config(name_or_path) if kind is None else load_cell_config(name_or_path, kind.config_type)
+    return build_cell(config)
 
 
 @overload

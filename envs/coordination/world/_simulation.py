@@ -182,12 +182,14 @@ class CoordinationSimulation:
     @property
     def lam(self) -> Floats:
         """(A,) where the references are now; not kept beside the episodes: a copy would have one of its own."""
-        return self._episodes.lam[0]
+        lam: Floats = self._episodes.lam[0]
+        return lam
 
     @property
     def mu(self) -> Floats:
         """(A,) their speeds now."""
-        return self._episodes.mu[0]
+        mu: Floats = self._episodes.mu[0]
+        return mu
 
     @property
     def time(self) -> float:
@@ -316,7 +318,7 @@ class CoordinationSimulation:
 
     def _keep(self, nearest: float, path_error: Floats) -> None:
         """A row of the trace; joints and torques without physics follow from the others."""
-        known = {"lam": self.lam, "mu": self.mu, "clearance": nearest, "path_error": path_error}
+        known: dict[str, Any] = {"lam": self.lam, "mu": self.mu, "clearance": nearest, "path_error": path_error}
         if self.physics == "ideal":
             self._recorder.add(**known)
         else:
