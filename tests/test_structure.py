@@ -25,8 +25,6 @@ EXCEPTIONS: dict[str, str] = {}
 
 TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/configs/files/test_load.py": (
-        "configs/files/_data_sheets.py",
-        "configs/files/_find.py",
         "configs/schema/_arm.py",
         "configs/schema/_base.py",
         "configs/schema/_blend.py",
@@ -52,17 +50,11 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "robots/_kernels.py",
         "robots/_model.py",
     ),
-    "tests/robots/test_clearance.py": ("robots/_shapes.py",),
     "tests/planners/blends/test_blend.py": (
-        "planners/blends/_corners.py",
-        "planners/blends/_families.py",
         "planners/blends/_least_time.py",
         "planners/blends/_passing_cost.py",
     ),
-    "tests/planners/blends/test_blended_path.py": (
-        "planners/blends/_curve_kernels.py",
-        "planners/blends/_path_kernels.py",
-    ),
+    "tests/planners/blends/test_blended_path.py": ("planners/blends/_path_kernels.py",),
     "tests/planners/cells/test_load.py": ("planners/cells/_arm_from_config.py",),
     "tests/envs/blend/test_env.py": (
         "planners/cells/_blend_families.py",
@@ -141,7 +133,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/agents/evaluation/test_toy_kind.py": (
         "agents/evaluation/_training_task.py",
         "agents/kinds.py",
-        "commands/console/_table.py",
         "commands/reports/_report.py",
     ),
     "tests/agents/policies/test_agent_file.py": ("agents/training/_export.py",),
@@ -159,7 +150,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/_evaluate.py",
         "commands/_main.py",
         "commands/console/_flags.py",
-        "commands/console/_kind_line.py",
         "commands/console/_options.py",
         "commands/console/_output.py",
         "commands/figures/_blend.py",

@@ -72,10 +72,12 @@ def chosen_policies(policies: Sequence[str] | str | None, known: Sequence[str], 
     """
     chosen = known if policies is None else (policies,) if isinstance(policies, str) else policies
     for name in chosen:
-        if is_agent_name(name):
+        if isinstance(name, str) and is_agent_name(name):
             find_agent(name)  # before anything runs
         elif name not in known:
-            raise UnknownNameError("policy", name, known)
+            raise UnknownNameError("policy", str(name), known)
+    if isinstance(episodes, bool) or not isinstance(episodes, int | np.integer):
+        raise InputError(f"episodes must be a whole number, got {episodes!r}", remedy="give 1 or more")
     if episodes < 1:
         raise InputError(f"episodes must be at least 1, got {episodes}")
     return tuple(chosen)

@@ -20,7 +20,7 @@ Seeds = Sequence[int | None]
 
 def count_of(number: int, what: str = "num_envs") -> int:
     """A number of things, one at least."""
-    if not (isinstance(number, int | np.integer) and number > 0):
+    if isinstance(number, bool) or not (isinstance(number, int | np.integer) and number > 0):
         raise InputError(f"{what} must be a whole number above 0, got {number!r}")
     return int(number)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -33,7 +33,7 @@ from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell, Execution
-from armtempo.planners.cells import CellBase, as_cell
+from armtempo.planners.cells import as_cell
 
 PER_THREAD = {False: 256, True: 32}  # episodes that are worth a thread: without the shield, and with it
 
@@ -354,7 +354,7 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
     ) -> None:
         chosen = ideal_options(CoordinationOptions, options, CoordinationVectorEnv)
         count = count_of(num_envs)
-        given = [cell] if isinstance(cell, CellBase | str | Path) else list(cell)
+        given = list(cell) if isinstance(cell, Iterable) and not isinstance(cell, str) else [cell]
         self.cells = tuple(as_cell(one, CoordinationCell) for one in given)
         counts = {len(one.arms) for one in self.cells}
         if len(counts) != 1 or len(self.cells) > count:

@@ -127,6 +127,13 @@ def test_errors(lee1991: CoordinationCell) -> None:
         evaluate(lee1991, ("optmal",))
     with pytest.raises(InputError, match="episodes must be at least 1"):
         evaluate(lee1991, ("delay",), episodes=0)
+    for episodes in (2.0, True, "2"):
+        wrong: Any = episodes
+        with pytest.raises(InputError, match="episodes must be a whole number, got"):
+            evaluate(lee1991, ("delay",), episodes=wrong)
+    no_name: Any = [3]
+    with pytest.raises(UnknownNameError, match="unknown policy '3'"):
+        evaluate(lee1991, no_name)
 
 
 def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: CoordinationCell) -> None:

@@ -289,6 +289,11 @@ def test_input_errors(lee1991: CoordinationCell) -> None:
         YieldingVectorEnv(2, lee1991, autoreset_mode="Disabled")
     with pytest.raises(InputError, match="num_envs"):
         CoordinationVectorEnv(lee1991, 0)
+    with pytest.raises(InputError, match="num_envs must be a whole number above 0, got True"):
+        CoordinationVectorEnv(lee1991, True)
+    number: Any = 3
+    with pytest.raises(InputError, match="a cell is a name or a file, got int"):
+        CoordinationVectorEnv(number, 2)
     with pytest.raises(InputError, match="learners"):
         CoordinationVectorEnv(lee1991, 2, learners=(2,))
     with pytest.raises(UnknownNameError, match="reward"):
