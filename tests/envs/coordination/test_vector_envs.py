@@ -348,7 +348,7 @@ def test_a_seed_of_none_goes_on_with_what_is_drawn(lee1991: CoordinationCell) ->
 
 @pytest.mark.parametrize("kind", [YieldingVectorEnv, CoordinationVectorEnv, BatchSimulation])
 def test_options_are_checked_by_their_record(kind: Any, lee1991: CoordinationCell) -> None:
-    make = {"cell": lee1991, ("episodes" if kind is BatchSimulation else "num_envs"): 2}
+    make = {"cell": lee1991, ("episodes" if kind.__name__ == "BatchSimulation" else "num_envs"): 2}
     with pytest.raises(UnknownNameError, match="sheild"):
         kind(**make, sheild=True)
     with pytest.raises(InputError, match="max_episode_s"):

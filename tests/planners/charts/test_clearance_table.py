@@ -44,7 +44,7 @@ def test_a_table_is_what_the_cells_clearance_says_at_nodes_and_its_transpose_see
         q = [path.evaluate(own[k])[0] for path, own, k in zip(lee1991.paths, lam, (a, b), strict=True)]
         truth = lee1991.clearance.arms(q).distance
         assert abs(table.distance[a, b] - truth) < 1e-8  # capsules: exact
-        assert abs(tabulated_clearance(table, lam[0][a], lam[1][b]) - table.distance[a, b]) < 1e-12
+        assert abs(tabulated_clearance(table, float(lam[0][a]), float(lam[1][b])) - table.distance[a, b]) < 1e-12
     other = clearance_table(1, 0, lee1991.arms, lee1991.paths, 0.05)
     np.testing.assert_allclose(other.distance, table.distance.T, atol=1e-12)
     assert (table.length_a, table.length_b) == tuple(path.length for path in lee1991.paths)
