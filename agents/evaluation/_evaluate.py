@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from armtempo.agents.evaluation._figures import numbers_of
 from armtempo.agents.evaluation._kind import CellT, Kind, OptionsT, ResultT, Runner, RunT, asked_options
 from armtempo.agents.policies import Policy, chosen_policies
-from armtempo.errors import InfeasibleError
+from armtempo.errors import InfeasibleError, InputError
 
 TraceT_co = TypeVar("TraceT_co", covariant=True)
 OnEpisode = Callable[[str, int], None]
@@ -63,6 +65,8 @@ def evaluate_kind(
     on_episode: OnEpisode | None,
 ) -> Evaluation[CellT, OptionsT, ResultT]:
     """Run every policy for some episodes; see ``armtempo.agents.evaluate``."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed must be a whole number, 0 or more, got {seed!r}")
     results: dict[str, ResultT] = {}
     refused: dict[str, str] = {}
     runner: Runner[RunT] | None = None

@@ -114,8 +114,8 @@ def options_for(kind: Kind[Any, OptionsT, Any, Any], options: OptionsT | None, k
     """
     if options is not None and not isinstance(options, kind.options_type):
         raise InputError(
-            f"options of a {type(options).__name__}, and the cell is of kind {kind.name}",
-            remedy=f"give a {kind.options_type.__name__}, or keywords",
+            f"options are {type(options).__name__}, and the cell is of kind {kind.name}",
+            remedy=f"give {kind.options_type.__name__}, or keywords",
         )
     known = option_names(kind)
     given = {} if options is None else asked_options(options)

@@ -39,6 +39,11 @@ def read_kind_line(line: Sequence[str], flags: type[Any], program: str) -> tuple
     if cell is None:
         tyro.cli(flags, prog=program, args=line)  # ends with help or a complaint
         raise SystemExit(2)
+    return _read(line, flags, program, cell)
+
+
+def _read(line: Sequence[str], flags: type[Any], program: str, cell: str) -> tuple[Any, Kind[Any, Any, Any, Any], Any]:
+    """With the flags of the kind of ``cell``; of another cell's kind, if that turns out to be the line's."""
     from armtempo.agents import kind_named, option_names  # late, as the next: --help is to be quick
     from armtempo.configs import load_cell_config
 
@@ -49,6 +54,8 @@ def read_kind_line(line: Sequence[str], flags: type[Any], program: str) -> tuple
     description = f"{does}\n\nPolicies of {kind.name} cells: {', '.join(kind.policies)}, and learned agents."
     asked = ["--help"] if {"-h", "--help"} & set(line) else line  # tyro's help hides a cell that it has read
     given, left = tyro.cli(made, prog=program, args=asked, description=description, return_unknown_args=True)
+    if given.cell != cell:  # what stood for the cell was a flag's value
+        return _read(line, flags, program, given.cell)
     if left:
         known = [flag for one in fields(made) for flag in RENAMED.get(one.name, (flag_of(one.name),))]
         raise UnknownNameError(f"option of {program} in {kind.name} cells", left[0], known)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class Sweep(NamedTuple):
     """(K, 3) points for its tip [m]."""
 
 
+@runtime_checkable
 class Cell(Protocol):
     """Arms and what they are to do, built from a file and certified; nothing in it changes."""
 

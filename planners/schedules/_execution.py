@@ -44,7 +44,7 @@ def foresee(
 ) -> tuple[float, float, float]:
     """Place and speed after ``ticks`` under one command, as in the environments, and the time used until arrival."""
     none = np.empty(0)
-    lam, mu, used, _ = advance(steps, lam, mu, command, by_speed, tick, ticks, none, none, steps[:0])
+    lam, mu, used = advance(steps, lam, mu, command, by_speed, tick, ticks, none, none)
     return lam, mu, used
 
 

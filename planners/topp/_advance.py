@@ -187,53 +187,22 @@ def _one_piece(
 
 
 @inlined
-def _write_ticks(
-    places: Floats, speeds: Floats, k: int, tick: float, used: float, time: float, lam: float, mu: float, u: float,
-    there: float,
-) -> int:  # fmt: skip
-    """Fill in the ticks from k on that are due in a piece from ``lam`` to ``there``; returns the next one."""
-    while k < places.shape[0] and tick * (k + 1) <= used + time:
-        t = tick * (k + 1) - used
-        places[k], speeds[k] = min(lam + t * (mu + 0.5 * t * u), there), max(mu + t * u, 0.0)
-        k += 1
-    return k
+def _within_piece(lam: float, mu: float, u: float, t: float, there: float) -> tuple[float, float]:
+    """Place and speed ``t`` after the beginning of a piece from ``lam`` to ``there``."""
+    return min(lam + t * (mu + 0.5 * t * u), there), max(mu + t * u, 0.0)
 
 
 @inlined
-def _whole_intervals(
-    steps: Floats, i: int, x: float, used: float, dt: float, command: float, by_speed: bool, k: int, tick: float,
-    places: Floats, speeds: Floats,
-) -> tuple[int, float, float, int]:  # fmt: skip
-    """Run through intervals from station i on, as many as fit in before ``dt``, three numbers per row and end.
-
-    Returns the station, ``x``, the time used and the next tick.
-    """
-    last = steps.shape[0] - 1
-    lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
-    share = command * command if by_speed else 1.0
-    mu, due = np.sqrt(x), (tick * (k + 1) if k < places.shape[0] else np.inf)
-    while i < last - 1:
-        d2, low, high = steps[i, TWICE_LENGTH], steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT]
-        for j in range(STEP_HEADER_COLUMNS, lines, WHOLE_COLUMNS):
-            change = steps[i, j + WHOLE_SLOPE] * x
-            low, high = max(low, steps[i, j + WHOLE_LEAST] + change), min(high, steps[i, j + WHOLE_MOST] + change)
-        low = min(low, high)
-        y = min(max(share * steps[i, EDGE_HIGH_NEXT], low), high) if by_speed else low + command * (high - low)
-        if by_speed and command == 0.0:
-            y = low
-        if not y > X_AT_REST:
-            break
-        mu_next = np.sqrt(y)
-        time = d2 / (mu + mu_next)
-        if not used + time < dt:
-            break
-        if due <= used + time:
-            u, there = (y - x) / d2, steps[i + 1, STATION]
-            k = _write_ticks(places, speeds, k, tick, used, time, steps[i, STATION], mu, u, there)
-            due = tick * (k + 1) if k < places.shape[0] else np.inf
-        x, mu, used = y, mu_next, used + time
-        i += 1
-    return i, x, used, k
+def _whole_interval(steps: Floats, i: int, lines: int, x: float, command: float, by_speed: bool) -> float:
+    """``x`` at the end of interval i from ``x`` at its beginning; ``lines``: the column behind these numbers."""
+    low, high, goal = steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT], steps[i, EDGE_HIGH_NEXT]
+    for j in range(STEP_HEADER_COLUMNS, lines, WHOLE_COLUMNS):
+        change = steps[i, j + WHOLE_SLOPE] * x
+        low, high = max(low, steps[i, j + WHOLE_LEAST] + change), min(high, steps[i, j + WHOLE_MOST] + change)
+    low = min(low, high)
+    if not by_speed:
+        return float(low + command * (high - low))
+    return float(low if command == 0.0 else min(max(command * command * goal, low), high))
 
 
 @njit
@@ -247,24 +216,23 @@ def advance(
     ticks: int,
     places: Floats,
     speeds: Floats,
-    record: Floats,
-) -> tuple[float, float, float, int]:
+) -> tuple[float, float, float]:
     """Move an arm along its path for so many ticks [s] under one command in [0, 1].
 
     Piece by piece, each to the next station or to the end of the time, with one constant ``u`` from
     ``[u_low, u_high]``: the rows at both ends of the piece, and no point above the controllable set. ``by_speed``:
     ``u`` heads for ``command`` times ``mu*`` (0: brake as hard as the limits allow); else
     ``u = u_low + command (u_high - u_low)``. The edge is obeyed to rounding, so the end can always be met; the rows
-    *inside* a piece hold to the second order of its length.
+    *inside* a piece hold to the second order of its length. Intervals that fit in whole are three numbers per row.
 
     ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
-    asking changes nothing. ``record`` (K, 3) receives (time, lam, mu) after every piece; a full one ends the motion;
-    none is ``steps[:0]``, which costs nothing. Intervals are run through as a whole only without a record: that differs
-    by rounding. Returns lam, mu, the time used (less than all only on arrival) and the number of rows recorded.
+    asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
     """
-    last, dt, recording = steps.shape[0] - 1, tick * ticks, record.shape[0] > 0
+    last, dt, wanted = steps.shape[0] - 1, tick * ticks, places.shape[0]
     end = steps[last, STATION]
-    x, used, k, count = mu * mu, 0.0, 0, 0
+    lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
+    x, used, k = mu * mu, 0.0, 0
+    due = tick if wanted else np.inf  # when place and speed are asked for next
     i = interval_at(steps, lam)
     for _ in range(PIECES_MAX):
         while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
@@ -276,9 +244,26 @@ def advance(
         if rest <= TIME_ROUNDING * dt:
             used = dt
             break
-        if lam == steps[i, STATION] and not recording:
+        mu = np.sqrt(x)
+        if lam == steps[i, STATION]:
             began = i
-            i, x, used, k = _whole_intervals(steps, i, x, used, dt, command, by_speed, k, tick, places, speeds)
+            while i < last - 1:
+                x_next = _whole_interval(steps, i, lines, x, command, by_speed)
+                if not x_next > X_AT_REST:
+                    break
+                mu_next = np.sqrt(x_next)
+                time = steps[i, TWICE_LENGTH] / (mu + mu_next)
+                if not used + time < dt:
+                    break
+                while due <= used + time:
+                    u = (x_next - x) / steps[i, TWICE_LENGTH]
+                    places[k], speeds[k] = _within_piece(
+                        steps[i, STATION], mu, u, due - used, steps[i + 1, STATION]
+                    )  # fmt: skip
+                    k += 1
+                    due = tick * (k + 1) if k < wanted else np.inf
+                x, mu, used = x_next, mu_next, used + time
+                i += 1
             if i > began:
                 lam = steps[i, STATION]
                 continue
@@ -286,17 +271,48 @@ def advance(
         if time <= 0.0:
             lam, x, used = there, x_next, (dt if there < end else used)
             break
-        k = _write_ticks(places, speeds, k, tick, used, time, lam, np.sqrt(x), u, there)
+        while due <= used + time:
+            places[k], speeds[k] = _within_piece(lam, mu, u, due - used, there)
+            k += 1
+            due = tick * (k + 1) if k < wanted else np.inf
         lam, x = there, x_next
         used = used + time if time < rest else dt
-        if recording:
-            record[count, 0], record[count, 1], record[count, 2] = used, lam, np.sqrt(x)
-            count += 1
-            if count == record.shape[0]:
-                break
     mu = np.sqrt(x)
-    if lam < end and k == places.shape[0]:  # the last tick is due now, whatever rounding says
+    if lam < end and k == wanted:  # the last tick is due now, whatever rounding says
         k = max(k - 1, 0)
-    for m in range(k, places.shape[0]):
+    for m in range(k, wanted):
         places[m], speeds[m] = lam, mu
-    return lam, mu, used, count
+    return lam, mu, used
+
+
+@njit
+def record_pieces(
+    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, dt: float, record: Floats
+) -> tuple[float, float, float, int]:
+    """As ``advance`` for ``dt`` [s], each interval piece by piece: that differs by rounding.
+
+    ``record`` (K, 3) receives (time, lam, mu) after every piece; a full one ends the motion. Returns lam, mu, the time
+    used (less than ``dt`` only on arrival) and the number of rows.
+    """
+    last, x, used, count = steps.shape[0] - 1, mu * mu, 0.0, 0
+    end = steps[last, STATION]
+    i = interval_at(steps, lam)
+    while count < record.shape[0]:
+        while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
+            i += 1
+        if lam >= end - STATION_ROUNDING * end:
+            lam, x = end, steps[last, EDGE_HIGH]
+            break
+        rest = dt - used
+        if rest <= TIME_ROUNDING * dt:
+            used = dt
+            break
+        there, x_next, time, _ = _one_piece(steps, i, lam, x, rest, command, by_speed)
+        if time <= 0.0:
+            lam, x, used = there, x_next, (dt if there < end else used)
+            break
+        lam, x = there, x_next
+        used = used + time if time < rest else dt
+        record[count, 0], record[count, 1], record[count, 2] = used, lam, np.sqrt(x)
+        count += 1
+    return lam, np.sqrt(x), used, count

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import ActionError, InfeasibleError, InputError
-from armtempo.planners.topp._advance import acceleration_bounds, advance, edge_speed
+from armtempo.planners.topp._advance import acceleration_bounds, advance, edge_speed, record_pieces
 from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, admissible_sets, controllable_sets
 from armtempo.planners.topp._greedy import follow_edges, greedy_profile
 from armtempo.planners.topp._path_dynamics import PathDynamics
@@ -235,8 +235,8 @@ class PhasePlane:
         """
         command = self._checked(command, lam, mu, dt)
         steps = self.edges.steps
-        lam, mu, used, _ = advance(
-            steps, float(lam), float(mu), command, mode == "speed", float(dt), 1, NO_TICKS, NO_TICKS, steps[:0]
+        lam, mu, used = advance(
+            steps, float(lam), float(mu), command, mode == "speed", float(dt), 1, NO_TICKS, NO_TICKS
         )
         return float(lam), float(mu), float(used)
 
@@ -366,8 +366,8 @@ class PhasePlane:
         for command, dt in zip(np.atleast_1d(commands), np.atleast_1d(times), strict=True):
             step = min(float(dt), 1e3)
             command = self._checked(command, lam, mu, step)
-            lam, mu, used, count = advance(
-                self.edges.steps, float(lam), float(mu), command, mode == "speed", step, 1, NO_TICKS, NO_TICKS, record
+            lam, mu, used, count = record_pieces(
+                self.edges.steps, float(lam), float(mu), command, mode == "speed", step, record
             )
             if count:
                 pieces.append(record[:count] + np.array([clock, 0.0, 0.0]))

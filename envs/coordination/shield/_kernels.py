@@ -230,8 +230,8 @@ def _foresee(
         return k  # type: ignore[no-any-return]
     part, end, last = tick / PARTS_PER_TICK, steps[steps.shape[0] - 1, phase_kernels.STATION], places.shape[0] - 1
     if k == 0:
-        _, speed[1], _, _ = phase_kernels.advance(
-            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds, steps[:0]
+        _, speed[1], _ = phase_kernels.advance(
+            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
         )
         rest[row, i] = False
         k = parts
@@ -246,8 +246,8 @@ def _foresee(
             rest[row, i] = True
             break
         before = place
-        place, fast, _, _ = phase_kernels.advance(
-            steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds, steps[:0]
+        place, fast, _ = phase_kernels.advance(
+            steps, place, fast, 0.0, by_speed, part, parts, places[k + 1 : k + 1 + parts], speeds
         )
         if place == before:
             rest[row, i] = True

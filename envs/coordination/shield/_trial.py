@@ -116,8 +116,8 @@ def _run(
                     places[i] = lam[i]
                 else:
                     path = steps_of(world, i)
-                    lam[i], mu[i], done[i], _ = phase_kernels.advance(
-                        path, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i], speeds, path[:0],
+                    lam[i], mu[i], done[i] = phase_kernels.advance(
+                        path, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i], speeds,
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[STEPS] += 1

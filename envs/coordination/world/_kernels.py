@@ -82,7 +82,7 @@ def move(
                 k += 1
             if k < ticks and (now + k) * tick < late:  # it goes in the middle of this tick
                 part, one = (now + k) * tick + tick - late, min(ticks, 1)  # 1 as it is would compile a second copy
-                lam, mu, used, _ = phase_kernels.advance(
+                lam, mu, used = phase_kernels.advance(
                     steps,
                     lam,
                     mu,
@@ -92,15 +92,14 @@ def move(
                     one,
                     places[k : k + 1],
                     speeds[k : k + 1],
-                    steps[:0],
                 )
                 if lam >= end:
                     episodes.arrival[e, i] = late + used
                 k += 1
             if k < ticks:
                 began, there = (now + k) * tick, lam >= end
-                lam, mu, used, _ = phase_kernels.advance(
-                    steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:], steps[:0]
+                lam, mu, used = phase_kernels.advance(
+                    steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:]
                 )
                 if lam >= end and not there:
                     episodes.arrival[e, i] = began + used

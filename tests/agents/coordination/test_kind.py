@@ -184,9 +184,7 @@ def test_only_options_that_were_given_and_do_not_belong_are_named() -> None:
 
 def test_the_record_of_another_kind_is_refused(lee1991: CoordinationCell) -> None:
     run: Any = evaluate
-    with pytest.raises(
-        InputError, match=r"options of a BlendOptions, .* kind coordination \(give a CoordinationOptions"
-    ):
+    with pytest.raises(InputError, match=r"options are BlendOptions, .* kind coordination \(give CoordinationOptions"):
         run(lee1991, ["delay"], options=BlendOptions(physics="ideal"))
 
 

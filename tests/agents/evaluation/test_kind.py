@@ -49,7 +49,7 @@ def test_a_misspelt_option_is_told_the_nearest_name() -> None:
 
 def test_the_record_of_another_kind_is_refused() -> None:
     other: Any = Others(late_s=1.0)
-    with pytest.raises(InputError, match=r"options of a Others, and the cell is of kind toy .*give a Options"):
+    with pytest.raises(InputError, match=r"options are Others, and the cell is of kind toy .*give Options"):
         options_for(TOY, other, {})
 
 

@@ -25,6 +25,9 @@ class Flags:
     episodes: int = 3
     """How many."""
 
+    out: str = ""
+    """Where to."""
+
 
 @pytest.mark.parametrize(
     ("line", "word"),
@@ -77,3 +80,9 @@ def test_a_line_without_a_cell_is_answered_and_ends(capsys: pytest.CaptureFixtur
     assert ended.value.code == 2
     captured = capsys.readouterr()
     assert "cell" in (captured.out + captured.err).lower()
+
+
+def test_a_flags_value_that_is_a_cells_name_is_not_the_cell() -> None:
+    line = ["--out", "lee1991", "chung", "--family", "smooth"]
+    flags, kind, options = read_kind_line(line, Flags, "armtempo do")
+    assert (flags.cell, flags.out, kind.name, options.family) == ("chung", "lee1991", "ik", "smooth")

@@ -18,7 +18,7 @@ from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
 from armtempo.planners import CoordinationCell, JointPath, PathDynamics, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp import Mode
-from armtempo.planners.topp._advance import advance
+from armtempo.planners.topp._advance import advance, record_pieces
 from armtempo.robots import Arm
 
 SplineDynamics = Callable[..., PathDynamics]
@@ -35,7 +35,7 @@ def run(
     places, speeds = np.empty(reads), np.empty(reads)
     tick, ticks = (period / reads, reads) if reads else (period, 1)
     steps = plane.edges.steps
-    lam, mu, used, _ = advance(steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds, steps[:0])
+    lam, mu, used = advance(steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds)
     return float(lam), float(mu), float(used), places, speeds
 
 
@@ -90,7 +90,7 @@ def finish(plane: PhasePlane, commands: Sequence[float] | Floats, period: float,
     In periods: every piece of constant acceleration is recorded, and what ``advance`` reads lies on them but for
     rounding. Just before rest that is as large as its square root.
     """
-    reads, none = 16, np.empty(0)
+    reads = 16
     lam = mu = clock = 0.0
     pieces, read = [np.zeros((1, 3))], []
     fastest = float(plane.upper(plane.rows.station).max())
@@ -99,7 +99,7 @@ def finish(plane: PhasePlane, commands: Sequence[float] | Floats, period: float,
     for k in range(100_000):
         command = float(commands[k]) if k < len(commands) else 1.0
         was = lam
-        want = advance(plane.edges.steps, lam, mu, command, mode == "speed", period, 1, none, none, record)
+        want = record_pieces(plane.edges.steps, lam, mu, command, mode == "speed", period, record)
         lam, mu, used, places, speeds = run(plane, lam, mu, command, period, mode, reads)
         assert (np.diff(places) >= 0.0).all()
         assert was <= places[0]
