@@ -31,7 +31,7 @@ from armtempo.files import whole_file
 Frame = NDArray[np.uint8]
 
 MOST_FRAMES_PER_SECOND = 50.0
-HOLD = 1.0  # [s] the last picture stays
+LAST_PICTURE_HELD = 1.0  # [s] the last picture stays
 SUFFIXES = (".mp4", ".gif", "")
 DEFAULTS: dict[str, tuple[str, float]] = {"coordination": ("vci", 20.0), "blend": ("limit-aware", 4.0)}
 """By kind of cell: who is filmed, and how many times slower than reality; else the first policy, as it is."""
@@ -182,7 +182,7 @@ def film_writer(target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
 
         try:
             yield write
-            for frame in last * round(HOLD * rate):
+            for frame in last * round(LAST_PICTURE_HELD * rate):
                 write(frame)
         finally:
             with _told_of(target):

@@ -9,7 +9,7 @@ import tyro
 
 from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
 
-ROWS = 10  # of the table: the best
+TABLE_ROWS = 10  # of the table: the best
 
 
 def sweep(
@@ -51,7 +51,7 @@ def sweep(
     )
     for head in ("trial", "objective", *chosen.space):
         table.add_column(head, justify="right")
-    for trial in done[:ROWS]:
+    for trial in done[:TABLE_ROWS]:
         table.add_row(
             str(trial.number), number(trial.objective, 3), *[f"{trial.values[key]:.4g}" for key in chosen.space]
         )

@@ -12,7 +12,7 @@ from armtempo.commands.console import JsonFile, Output, check_count, check_seed,
 if TYPE_CHECKING:
     from armtempo.agents import Training
 
-ROWS = 12  # of the curve in the table: the last ones
+TABLE_ROWS = 12  # of the curve in the table: the last ones
 COLUMNS = {  # heads and digits of what rows of a curve have, if they have it: that depends on the environment
     "steps": ("steps", 0),
     "seconds": ("time [s]", 0),
@@ -75,7 +75,7 @@ def _in_words(row: dict[str, Any]) -> str:
 
 
 def _tabulate(training: Training, out: Output) -> None:
-    rows = training.curve[-ROWS:]
+    rows = training.curve[-TABLE_ROWS:]
     heads = {name: column for name, column in COLUMNS.items() if any(name in row for row in rows)}
     table = new_table(
         f"{training.config.name}: {training.config.algorithm}, seed {training.config.seed}",

@@ -143,7 +143,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "agents/training/_checkpoint.py",
         "agents/training/_extra.py",
         "agents/training/_model.py",
-        "agents/training/_tasks.py",
     ),
     "tests/commands/behaviours/test_commands.py": (
         "commands/_cells.py",

@@ -23,8 +23,8 @@ from armtempo.errors import UnknownNameError
 from armtempo.planners import BlendCell
 from armtempo.planners.cells import ProfileName, motion_demand
 
-SAMPLES = 16001  # of a profile, for what it asks of the arm
-MARGIN = 1e-6
+PROFILE_SAMPLES = 16001  # of a profile, for what it asks of the arm
+RATE_MARGIN = 1e-6
 
 
 @final
@@ -98,7 +98,7 @@ def highest_rate(cell: BlendCell) -> float:
     Where even standing asks for too much torque the rate is 0.
     """
     profile = cell.line_speed
-    s, v, a, j = profile.at(np.linspace(0.0, profile.duration, SAMPLES))
+    s, v, a, j = profile.at(np.linspace(0.0, profile.duration, PROFILE_SAMPLES))
 
     def ratio(f: float) -> float:
         return motion_demand(cell, s, f * v, f * f * a, f**3 * j).ratio_max
@@ -106,7 +106,7 @@ def highest_rate(cell: BlendCell) -> float:
     if ratio(1.0) <= 1.0:
         return 1.0
     low, high = 0.0, 1.0
-    while high - low > MARGIN:
+    while high - low > RATE_MARGIN:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if ratio(middle) <= 1.0 else (low, middle)
     return low

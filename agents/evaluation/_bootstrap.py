@@ -9,8 +9,8 @@ from armtempo.arrays import Floats
 
 Interval = tuple[float, float]
 
-DRAWS = 10_000
-LEVEL = 0.95
+BOOTSTRAP_DRAWS = 10_000
+CONFIDENCE_LEVEL = 0.95
 
 
 def mean_interval(values: ArrayLike, seed: int = 0) -> Interval:
@@ -27,17 +27,17 @@ def ratio_interval(values: ArrayLike, reference: ArrayLike, seed: int = 0) -> In
 
 
 def _means(rows: Floats, seed: int) -> Floats:
-    """(m, DRAWS) means of ``rows`` (m, n), each over n of its columns drawn with replacement."""
+    """(m, BOOTSTRAP_DRAWS) means of ``rows`` (m, n), each over n of its columns drawn with replacement."""
     n = rows.shape[1]
     random = np.random.default_rng(seed)
     draws = max(1, 2_000_000 // n)  # at once: memory
     blocks = []
-    for first in range(0, DRAWS, draws):
-        columns = random.integers(n, size=(min(draws, DRAWS - first), n))
+    for first in range(0, BOOTSTRAP_DRAWS, draws):
+        columns = random.integers(n, size=(min(draws, BOOTSTRAP_DRAWS - first), n))
         blocks.append(rows[:, columns].mean(axis=2))
     return np.concatenate(blocks, axis=1)
 
 
 def _percentiles(values: Floats) -> Interval:
-    low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
+    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE_LEVEL, 0.5 + 0.5 * CONFIDENCE_LEVEL])
     return float(low), float(high)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
-KEY = "armtempo figure"
+METADATA_KEY = "armtempo figure"
 
 Form = Literal["fixed", "small", "significant", "interval", "episodes", "mishaps"]
 """How a table prints a figure.
@@ -60,12 +60,12 @@ def figure(
     Fields without one (traces, plans) are in neither. ``more`` are the attributes of ``Figure`` that few have.
     """
     told = Figure(head=head, digits=digits, scale=scale, limit=limit, form=form, **more)
-    return field(metadata={KEY: told})
+    return field(metadata={METADATA_KEY: told})
 
 
 def figures_of(result: type[Any]) -> dict[str, Figure]:
     """The figures of a result's dataclass, in the order of its fields."""
-    return {one.name: one.metadata[KEY] for one in fields(result) if KEY in one.metadata}
+    return {one.name: one.metadata[METADATA_KEY] for one in fields(result) if METADATA_KEY in one.metadata}
 
 
 def numbers_of(result: Any) -> dict[str, Any]:

@@ -29,12 +29,14 @@ from armtempo.envs import ActionMode, FeedbackIKEnv
 from armtempo.errors import UnknownNameError
 from armtempo.planners import FeedbackIK, IKCell, PoseTarget
 
-PLAIN = 1e-6  # damping, and the step [s] that the law is told, of a law that damps nothing
-TURNS = 2.0  # cap of the angular speed, in mean joint speed caps; that of the tip's speed is one times the length
+UNDAMPED = 1e-6  # damping, and the step [s] that the law is told, of a law that damps nothing
+TURN_CAP_FACTOR = (
+    2.0  # cap of the angular speed, in mean joint speed caps; that of the tip's speed is one times the length
+)
 
 
-OFF = 0.5  # error scales of position from which gains are scheduled
-SCHEDULED = np.array([-1.0, 1.0, 1.0, 1.0], dtype=np.float32)
+SCHEDULED_FROM_ERROR = 0.5  # error scales of position from which gains are scheduled
+SCHEDULED_ACTION = np.array([-1.0, 1.0, 1.0, 1.0], dtype=np.float32)
 
 
 @final
@@ -73,12 +75,12 @@ class LawPolicy:
                 error=law.error,
                 feed_forward=self.feed_forward,
                 task=law.task,
-                damping=law.damping if self.damped else PLAIN,
+                damping=law.damping if self.damped else UNDAMPED,
                 linear_speed_max=cell.solver.length * pace if self.damped else np.inf,
-                angular_speed_max=TURNS * pace if self.damped else np.inf,
+                angular_speed_max=TURN_CAP_FACTOR * pace if self.damped else np.inf,
                 joint_speed_max=arm.speed_max if self.damped else np.full(arm.dof, np.inf),
             )
-            step = cell.control_period if self.damped else PLAIN
+            step = cell.control_period if self.damped else UNDAMPED
             self._made = cell, solver, replace(cell.target, step=step)
         return self._made[1:]
 
@@ -119,8 +121,8 @@ class GainPolicy:
 
     def act(self, observation: Floats32, env: FeedbackIKEnv) -> Floats32:
         """By which powers of four gains are multiplied."""
-        off = env.simulation.position_error > OFF * env.cell.error_scales[0]
-        return SCHEDULED.copy() if self.scheduled and off else np.zeros_like(SCHEDULED)
+        off = env.simulation.position_error > SCHEDULED_FROM_ERROR * env.cell.error_scales[0]
+        return SCHEDULED_ACTION.copy() if self.scheduled and off else np.zeros_like(SCHEDULED_ACTION)
 
 
 def _end_of_period(env: FeedbackIKEnv) -> int:

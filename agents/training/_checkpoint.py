@@ -19,8 +19,8 @@ from stable_baselines3.common.save_util import recursive_getattr, recursive_seta
 from armtempo.errors import InputError
 from armtempo.files import whole_file
 
-FORMAT = "armtempo checkpoint"
-VERSION = 1
+CHECKPOINT_FORMAT = "armtempo checkpoint"
+CHECKPOINT_VERSION = 1
 _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -42,8 +42,8 @@ def save_checkpoint(path: Path, model: Any, config: str, curve: list[dict[str, A
         _begin_anew(model)
     _, names = model._get_torch_save_params()
     content = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": CHECKPOINT_FORMAT,
+        "version": CHECKPOINT_VERSION,
         "config": config,
         "curve": json.dumps(curve),
         "parameters": model.get_parameters(),
@@ -81,11 +81,12 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
             f"{path}: not a checkpoint, or a damaged one: {' '.join(str(error).split())[:80]}",
             remedy="delete it and train again from the start",
         ) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") != CHECKPOINT_FORMAT:
         raise InputError(f"{path}: not a checkpoint of armtempo", remedy="delete it and train again from the start")
-    if content.get("version") != VERSION:
+    if content.get("version") != CHECKPOINT_VERSION:
         raise InputError(
-            f"{path}: a checkpoint of version {content.get('version')}, and this armtempo reads version {VERSION}",
+            f"{path}: a checkpoint of version {content.get('version')}, and this armtempo reads version "
+            f"{CHECKPOINT_VERSION}",
             remedy="resume with the armtempo that wrote it, or train again from the start",
         )
     return content

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 Objective = Callable[[TrainConfig, Path], float]
 """Trains in an empty folder; returns what is to become small, infinity at worst."""
-JOURNAL = "journal.log"
-SPACE = "armtempo_sweep"  # the study remembers what is searched
+JOURNAL_FILE = "journal.log"
+SPACE_ATTRIBUTE = "armtempo_sweep"  # the study remembers what is searched
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +131,7 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
     storage.mkdir(parents=True, exist_ok=True)
-    path = str(storage / JOURNAL)
+    path = str(storage / JOURNAL_FILE)
     samplers = optuna.samplers
     study: Study = optuna.create_study(
         study_name=config.name,
@@ -143,9 +143,9 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
         else samplers.RandomSampler(seed=seed),
     )
     mine = config.model_dump(mode="json", include={"training", "total_steps", "space"})
-    theirs = study.user_attrs.get(SPACE)
+    theirs = study.user_attrs.get(SPACE_ATTRIBUTE)
     if theirs is None:
-        study.set_user_attr(SPACE, mine)
+        study.set_user_attr(SPACE_ATTRIBUTE, mine)
     elif theirs != mine:
         raise InputError(
             f"{storage} holds a sweep {config.name!r} over something else",

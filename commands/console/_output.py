@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from armtempo.planners import BlendCell, Cell, CoordinationCell, IKCell
 
-LOADING = "Loading {} (compiles once after installation, about a minute)"
-WIDTH = 118  # of tables that go to a file or a pipe
+LOADING_MESSAGE = "Loading {} (compiles once after installation, about a minute)"
+TABLE_WIDTH = 118  # of tables that go to a file or a pipe
 
 
 def plain(value: Any) -> Any:
@@ -51,7 +51,7 @@ class Output:
         self._quiet = json_file == "-"
         self.console: Console = Console(file=sys.stdout, quiet=self._quiet, highlight=False)
         if not self.console.is_terminal:
-            self.console.width = WIDTH
+            self.console.width = TABLE_WIDTH
         self._errors = Console(file=sys.stderr)
 
     @contextmanager
@@ -143,7 +143,7 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 def open_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
-    with output.progress(LOADING.format(name)):
+    with output.progress(LOADING_MESSAGE.format(name)):
         from armtempo.planners import load_cell  # late: --help is to be quick
 
         return load_cell(name, None)

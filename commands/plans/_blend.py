@@ -33,7 +33,7 @@ PROFILES: Mapping[str, tuple[str, str | None]] = {  # the profile; the curve of 
     "limit-aware": ("limit-aware", None),
     "limit-aware-smooth": ("limit-aware", "quintic"),
 }
-SAMPLES = 16001  # of a profile, besides its knots
+PROFILE_SAMPLES = 16001  # of a profile, besides its knots
 BLEND_SAMPLES = 401  # of a blend
 
 HEADS = (
@@ -63,7 +63,7 @@ class BlendPlan:
     @cached_property
     def time(self) -> Floats:
         """(T,) instants [s]: evenly over the profile, and its knots."""
-        return np.union1d(np.linspace(0.0, self.profile.duration, SAMPLES), self.profile.knots)
+        return np.union1d(np.linspace(0.0, self.profile.duration, PROFILE_SAMPLES), self.profile.knots)
 
     @cached_property
     def states(self) -> tuple[Floats, Floats, Floats, Floats]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-PERIOD = 0.001  # [s] of exported motions
+EXPORT_PERIOD = 0.001  # [s] of exported motions
 
 HEADS = (
     "makespan\n\\[s]",
@@ -105,7 +105,7 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
     def motions(self, period: float | None) -> Iterator[tuple[str, JointTrajectory]]:
         for name, plan in self.plans.items():
             for arm, motion in zip(self.cell.arms, plan.trajectories, strict=True):
-                yield f"{name}-{arm.name}", JointTrajectory.sample(motion, PERIOD if period is None else period)
+                yield f"{name}-{arm.name}", JointTrajectory.sample(motion, EXPORT_PERIOD if period is None else period)
 
     def figures(self, method: str) -> dict[str, Figure]:
         from armtempo.commands.figures._coordination_plans import coordination_plan_figures  # late: matplotlib

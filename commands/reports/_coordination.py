@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from armtempo.agents import CoordinationEvaluation, CoordinationResult
 
-TIE = 1e-4  # [s] makespans this close share the bold print
+TIED_MAKESPANS = 1e-4  # [s] makespans this close share the bold print
 TOLD_ELSEWHERE = ("physics", "mode", "master_late_s", "model_error")  # options that the title tells in its own words
 
 
@@ -63,7 +63,7 @@ def best(evaluation: CoordinationEvaluation) -> Collection[str]:
     """The quickest that are safe."""
     good = {name: r.makespan_s for name, r in _finished(evaluation.results).items() if r.makespan_s is not None}
     least = min(good.values(), default=0.0)
-    return [name for name, makespan in good.items() if makespan <= least + TIE]
+    return [name for name, makespan in good.items() if makespan <= least + TIED_MAKESPANS]
 
 
 def summary_sentence(evaluation: CoordinationEvaluation) -> str:
@@ -92,7 +92,7 @@ def _about_the_arms(evaluation: CoordinationEvaluation) -> str:
         text += f", {number(r.gap_percent, 1)} % above the certified lower bound"
     quickest = next(iter(good))
     rival = good[quickest].makespan_s
-    if rival is not None and quickest != name and rival < r.makespan_s - TIE:
+    if rival is not None and quickest != name and rival < r.makespan_s - TIED_MAKESPANS:
         text += f" ({quickest}, the quickest: {number(good[quickest].gap_percent, 1)} %)"
     wrong = [policy for policy, result in evaluation.results.items() if result.violations]
     text += f". Too close: {', '.join(wrong)}." if wrong else ". No arm ever came closer than d_min."

@@ -13,7 +13,7 @@ from armtempo.planners import BlendCell
 from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.robots import njit
 
-AHEAD = (0.0, 0.5, 1.0, 2.0)
+BLENDS_AHEAD = (0.0, 0.5, 1.0, 2.0)
 """Where the curvature is looked at: so many braking distances from the line speed ahead of the reference."""
 
 BLEND_ENTRIES = (
@@ -27,7 +27,7 @@ BLEND_ENTRIES = (
             f"curvature_{k}", -1.0, 1.0,
             f"x / (1 + x), 0 is -1, x: normal acceleration at line speed {share:g} braking distances ahead / limit",
         )
-        for k, share in enumerate(AHEAD)
+        for k, share in enumerate(BLENDS_AHEAD)
     ),
     Entry("contour_error", -1.0, 1.0, "distance of the tip from the path as a share of what is allowed, 0 is -1"),
     Entry("lag", -1.0, 1.0, "how far the tip is behind its reference along the path, in units of the same"),
@@ -85,7 +85,7 @@ def observe_state(
     seen[3] = state[2] / scales.acceleration
     seen[4] = 2.0 * state[6] - 1.0
     k = 5
-    for ahead in AHEAD:
+    for ahead in BLENDS_AHEAD:
         blended_point(path, min(state[0] + scales.braking * ahead, length), at)
         bend = np.sqrt(at[2, 0] ** 2 + at[2, 1] ** 2 + at[2, 2] ** 2)
         if ahead == 0.0:

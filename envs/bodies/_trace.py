@@ -16,7 +16,7 @@ from armtempo.planners import Cell
 CellT_co = TypeVar("CellT_co", bound=Cell, covariant=True)
 TraceT_co = TypeVar("TraceT_co", bound="Trace[Any]", covariant=True)
 PerArm = TypeVar("PerArm", Floats, tuple[Floats, ...])
-CLIPPED = 1e-3
+CLIPPED_SHARE = 1e-3
 """Torques that are clipped by less than this share of their limit do not count as clipped."""
 
 
@@ -107,7 +107,7 @@ class Trace(Generic[PerArm]):
         """Share of joint torques that were clipped by more than a thousandth of their limit, until all had arrived."""
         until = self.time <= (self.arrived if math.isfinite(self.arrived) else np.inf)
         over = [
-            (np.abs(demand)[until] > (1.0 + CLIPPED) * limit).ravel()
+            (np.abs(demand)[until] > (1.0 + CLIPPED_SHARE) * limit).ravel()
             for demand, limit in zip(_per_arm(self.demand), _per_arm(self.torque_max), strict=True)
         ]
         return float(np.mean(np.concatenate(over)))

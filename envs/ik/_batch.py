@@ -24,7 +24,7 @@ from armtempo.envs.common import (
     with_masks,
 )
 from armtempo.envs.ik._env import REWARD_WEIGHTS
-from armtempo.envs.ik._observation import AHEAD, IKView, observe_ik
+from armtempo.envs.ik._observation import PERIODS_AHEAD, IKView, observe_ik
 from armtempo.envs.ik._options import IKOptions
 from armtempo.envs.ik._periods import IKEpisodes, look_ahead, make_drive, run_ik_periods
 from armtempo.errors import InputError
@@ -33,7 +33,7 @@ from armtempo.planners.cells import draw_target
 from armtempo.planners.ik.kernels import Targets as IKTargets
 
 PER_THREAD = 4  # episodes that are worth a thread
-FOREVER = 1e9  # ticks
+TICKS_UNLIMITED = 1e9  # ticks
 TARGET_ARRAYS = ("position", "rotation", "velocity", "angular_velocity")
 
 
@@ -64,8 +64,10 @@ class IKBatch:
     ) -> None:
         self.cell = cell
         self._hold = count_of(hold_periods, "hold_periods")
-        longest = FOREVER if options.max_episode_s is None else (options.max_episode_s - 1e-9) / cell.physics_tick
-        self._limit = math.ceil(min(max(longest, 1.0), FOREVER))
+        longest = (
+            TICKS_UNLIMITED if options.max_episode_s is None else (options.max_episode_s - 1e-9) / cell.physics_tick
+        )
+        self._limit = math.ceil(min(max(longest, 1.0), TICKS_UNLIMITED))
         self._drawn = DrawnCells(cell, families, draw_target, self._put, episodes, *targets, "targets")
         slots, E, n = self._drawn.slots, episodes, cell.arm.dof
         self._targets = Slots(slots)
@@ -76,7 +78,7 @@ class IKBatch:
             np.zeros(E, dtype=np.int64), np.zeros(E, dtype=np.int64), np.zeros((E, 3, n)), np.zeros((E, n)), np.ones(E),
             np.zeros((E, 6)), np.zeros((E, n)), np.zeros((E, 2)), np.zeros((E, 4)),
         )  # fmt: skip
-        self._ahead: Floats = np.zeros((E, len(AHEAD), 6))
+        self._ahead: Floats = np.zeros((E, len(PERIODS_AHEAD), 6))
         self._stepped: Bools = np.zeros(E, dtype=np.bool_)
         self._generators, self._chunks = Generators(E), Chunks(E, threads, PER_THREAD)
 
@@ -124,7 +126,7 @@ class IKBatch:
     def _look(self, changed: Bools) -> None:
         """What is ahead of these episodes."""
         episodes, cell = self._episodes, self.cell
-        rows = episodes.tick[:, None] + cell.ticks_per_period * np.array(AHEAD)
+        rows = episodes.tick[:, None] + cell.ticks_per_period * np.array(PERIODS_AHEAD)
         rows = np.minimum(rows, self._lasts[episodes.slot][:, None])
         look_ahead(cell.arm.model, self._kernel_targets(), episodes.slot, self._joints(), rows, changed, self._ahead)
 

@@ -10,10 +10,11 @@ from armtempo.arrays import Floats
 from armtempo.envs.bodies import joint_torques
 from armtempo.robots import ArmModel, kernels, njit
 
-HARDNESS = np.array([1.0, 0.5, 0.25, 0.125, 0.0625])
+BRAKING_HARDNESSES = np.array([1.0, 0.5, 0.25, 0.125, 0.0625])
 """Shares of the braking accelerations at which it is tried to stop, the hardest first."""
-PLANNED, RUN = 0.95, 0.99  # of the torques' limits: on the way to a stop, which is looked at in places, and of a tick
-HALVINGS = 5
+TORQUE_SHARE_PLANNED = 0.95  # of the torques' limits, on the way to a stop, which is looked at in places
+TORQUE_SHARE_RUN = 0.99  # of the same, in a tick
+HARDNESS_HALVINGS = 5
 
 
 @njit
@@ -31,8 +32,8 @@ def can_stop(
 ) -> bool:
     """Whether all joints can brake to a stop from ``q``, ``v`` (n,) at a share of their accelerations ``acceleration``.
 
-    That is, within position limits, to half a ``period`` at their speed, and with torques within ``PLANNED`` of their
-    limits: looked at now and then, where a joint stops, and at rest.
+    That is, within position limits, to half a ``period`` at their speed, and with torques within
+    ``TORQUE_SHARE_PLANNED`` of their limits: looked at now and then, where a joint stops, and at rest.
     """
     n = q.shape[0]
     lasts, at, speed, rate, torque = 0.0, np.empty(n), np.empty(n), np.empty(n), np.empty(n)
@@ -55,7 +56,7 @@ def can_stop(
         kernels.inverse_dynamics(model, at, speed, rate, torque)
         for j in range(n):
             needed = torque[j] + model.damping[j] * speed[j] + coulomb[j] * np.sign(speed[j])
-            if abs(needed) > PLANNED * torque_max[j]:
+            if abs(needed) > TORQUE_SHARE_PLANNED * torque_max[j]:
                 return False
     return True
 
@@ -72,8 +73,8 @@ def hardest_stop(
     coulomb: Floats,
     torque_max: Floats,
 ) -> float:
-    """The largest of ``HARDNESS`` at which it can stop from ``q``, ``v`` (n,); 0: at none."""
-    for hardness in HARDNESS:
+    """The largest of ``BRAKING_HARDNESSES`` at which it can stop from ``q``, ``v`` (n,); 0: at none."""
+    for hardness in BRAKING_HARDNESSES:
         if can_stop(
             model, q, v, acceleration, period, hardness, position_min, position_max, coulomb, torque_max
         ):  # fmt: skip
@@ -111,7 +112,7 @@ def hold_back(
     K, n = joints.shape
     wanted, wanted_speeds = joints.copy(), speeds.copy()
     share, step, best, hardness = 1.0, 1.0, 0.0, 0.0
-    for _ in range(HALVINGS + 1):
+    for _ in range(HARDNESS_HALVINGS + 1):
         if share < 1.0:
             joints[:] = braking + share * (wanted - braking)
             speeds[:] = braking_speeds + share * (wanted_speeds - braking_speeds)
@@ -120,7 +121,7 @@ def hold_back(
         fits = True
         for k in range(K):
             for j in range(n):
-                fits = fits and abs(rows[k, 2, j]) <= RUN * torque_max[j]
+                fits = fits and abs(rows[k, 2, j]) <= TORQUE_SHARE_RUN * torque_max[j]
         found = 0.0
         if fits:
             found = hardest_stop(

@@ -27,13 +27,13 @@ from armtempo.planners.cells import as_cell, draw_target
 
 REWARD_WEIGHTS = {"position": 1.0, "orientation": 1.0, "effort": 0.1, "caps": 1.0}
 """Of the terms of the reward, in the order of ``IKSimulation.shares``."""
-GAINS = 4
+GAINS_PER_ACTION = 4
 
 
 def ik_spaces(cell: IKCell, action_mode: ActionMode) -> tuple[Box, Box]:
     """Of observations and of actions."""
     joints = cell.arm.dof
-    return observation_space(ik_entries(joints)), action_space(joints if action_mode == "speeds" else GAINS)
+    return observation_space(ik_entries(joints)), action_space(joints if action_mode == "speeds" else GAINS_PER_ACTION)
 
 
 @final

@@ -11,10 +11,10 @@ from armtempo.envs.common import Entry
 from armtempo.envs.ik._simulation import IKSimulation
 from armtempo.planners import IKCell
 
-AHEAD = (1, 10)
+PERIODS_AHEAD = (1, 10)
 """Control periods from now at which the target is seen."""
-LAG = 1e-3  # [rad, m] of a joint: bodies 30 % heavier than believed bring a few of these
-FAR = 10.0  # error scales of the cell: unit of what is ahead
+LAG_SCALE = 1e-3  # [rad, m] of a joint: bodies 30 % heavier than believed bring a few of these
+AHEAD_SCALE = 10.0  # error scales of the cell: unit of what is ahead
 
 _XYZ = ("x", "y", "z")
 
@@ -37,10 +37,10 @@ def ik_entries(joints: int) -> tuple[Entry, ...]:
         *each("target_velocity", "x / (1 + |x|), x: velocity of the target in lengths of the arm per second"),
         *each("target_turning", "x / (1 + |x|), x: angular velocity of the target [rad/s]"),
     ]
-    for k in AHEAD:
+    for k in PERIODS_AHEAD:
         periods = f"{k} control period{'s' if k > 1 else ''}"
         entries += each(
-            f"ahead_{k}_position", f"as position_error, to the target in {periods}, in {FAR:g} error scales"
+            f"ahead_{k}_position", f"as position_error, to the target in {periods}, in {AHEAD_SCALE:g} error scales"
         )
         entries += each(f"ahead_{k}_rotation", "the same of the rotation vector")
     return (
@@ -72,7 +72,7 @@ class IKView(NamedTuple):
     turning: Floats
     """(E, 3)."""
     ahead: Floats
-    """(E, L, 6) from the tip to the target, ``AHEAD`` periods from now."""
+    """(E, L, 6) from the tip to the target, ``PERIODS_AHEAD`` periods from now."""
     singular_value: Floats
     """(E,)."""
     demand: Floats
@@ -85,7 +85,7 @@ def view_of(simulation: IKSimulation) -> IKView:
     """Of one episode."""
     cell, target, row = simulation.cell, simulation.cell.target, 2 * simulation.tick
     q = simulation.joint_positions()
-    ahead = [min(row + 2 * cell.ticks_per_period * k, 2 * cell.ticks) for k in AHEAD]
+    ahead = [min(row + 2 * cell.ticks_per_period * k, 2 * cell.ticks) for k in PERIODS_AHEAD]
     return IKView(
         q, simulation.measured_speeds[None], simulation.reference[None], simulation.error[None],
         target.velocity[row][None], target.angular_velocity[row][None], simulation.pose_errors(q[0], ahead)[None],
@@ -101,11 +101,11 @@ def observe_ik(cell: IKCell, view: IKView) -> Floats32:
     low, high = np.where(limited, arm.position_min, -np.pi), np.where(limited, arm.position_max, np.pi)
     shown = np.where(limited, q, (q + np.pi) % (2.0 * np.pi) - np.pi)
     half = 0.5 * (high - low)
-    units = FAR * np.repeat([position_scale, rotation_scale], 3)
+    units = AHEAD_SCALE * np.repeat([position_scale, rotation_scale], 3)
     parts = [
         (shown - low) / half - 1.0,
         view.speeds / arm.speed_max,
-        _soft((view.reference - q) / LAG),
+        _soft((view.reference - q) / LAG_SCALE),
         _soft(view.error[:, :3] / position_scale),
         _soft(view.error[:, 3:] / rotation_scale),
         _soft(view.velocity / cell.solver.length),

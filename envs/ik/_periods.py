@@ -18,8 +18,8 @@ from armtempo.robots import ArmModel, inlined, njit, unlocked
 GAIN_RATIO = 4.0
 """By which an action of 1 multiplies a gain, and one of -1 divides it."""
 DAMPING_MAX = 0.9
-UNLIMITED = 10  # control periods in which a joint without a limit of its acceleration is planned to stop
-CUT = 1e-9  # of the caps, mean of the joints: less is rounding
+UNLIMITED_STOP_PERIODS = 10  # control periods in which a joint without a limit of its acceleration is planned to stop
+CUT_ROUNDING = 1e-9  # of the caps, mean of the joints: less is rounding
 
 
 class IKDrive(NamedTuple):
@@ -45,7 +45,7 @@ class IKDrive(NamedTuple):
 def make_drive(cell: IKCell, *, by_gains: bool) -> IKDrive:
     """Of a cell."""
     arm = cell.arm
-    unlimited = arm.speed_max / (UNLIMITED * cell.control_period)
+    unlimited = arm.speed_max / (UNLIMITED_STOP_PERIODS * cell.control_period)
     braking = np.where(np.isfinite(arm.acceleration_max), arm.acceleration_max, unlimited)
     return IKDrive(
         arm.model, cell.solver.law, by_gains, cell.physics_tick, cell.control_period, arm.speed_max,
@@ -137,7 +137,7 @@ def cut_shares(asked: Floats, speeds: Floats, speed_max: Floats, shares: Floats)
         for j in range(asked.shape[1]):
             total += min(abs(asked[row, j] - speeds[row, j]) / speed_max[j], 1.0)
         total /= asked.shape[1]
-        shares[k] = total if total > CUT else 0.0
+        shares[k] = total if total > CUT_ROUNDING else 0.0
 
 
 @njit

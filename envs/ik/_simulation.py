@@ -15,7 +15,7 @@ import numpy as np
 
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.bodies import Controller, End, Recorder, Trace
-from armtempo.envs.ik._braking import HARDNESS, hardest_stop
+from armtempo.envs.ik._braking import BRAKING_HARDNESSES, hardest_stop
 from armtempo.envs.ik._kernels import brake, pose_errors
 from armtempo.envs.ik._options import IKOptions
 from armtempo.envs.ik._periods import ask_period, cut_shares, make_drive, sum_up
@@ -237,7 +237,7 @@ class IKSimulation:
             drive.model, q, v, drive.braking, period, drive.position_min, drive.position_max, drive.coulomb,
             drive.torque_max,
         )  # fmt: skip
-        self._hardness = float(hardness or HARDNESS[-1])
+        self._hardness = float(hardness or BRAKING_HARDNESSES[-1])
 
     def _brake(self, joints: Floats) -> Floats:
         """References ``joints`` (K, n) towards a stop; their speeds (K, n)."""

@@ -18,14 +18,14 @@ from armtempo.planners.joint_paths import CartesianJointPath, PlanarPair
 FamilyName = Literal["given", "polyline", "zigzag", "line-arc"]
 PATH_FAMILIES: tuple[FamilyName, ...] = get_args(FamilyName)
 
-DRAWS = 1000
-LOAD = 0.9  # largest share of a torque limit at full rate
-SLOWEST = 0.25  # a constant rate at which every path keeps its limits
-SAMPLES = 400  # of a motion
-TURNS = (0.35, 1.3)  # [rad] between one side and the next
-SIDES = (0.3, 0.8)  # in mean lengths of the given segments
-SHARES = (0.3, 0.45)  # of the shortest segment that a blend takes
-TRIES = 16  # places for a corner
+MOST_DRAWS = 1000
+LOAD_SHARE_MAX = 0.9  # largest share of a torque limit at full rate
+SLOWEST_RATE = 0.25  # a constant rate at which every path keeps its limits
+MOTION_SAMPLES = 400  # of a motion
+TURN_RANGE = (0.35, 1.3)  # [rad] between one side and the next
+SIDE_RANGE = (0.3, 0.8)  # in mean lengths of the given segments
+BLEND_SHARE_RANGE = (0.3, 0.45)  # of the shortest segment that a blend takes
+CORNER_TRIES = 16  # places for a corner
 
 
 def draw_path(
@@ -66,12 +66,12 @@ def draw_path(
         return cell if not any(value is not None for value in corners.values()) else cell.variant(**corners)  # type: ignore[arg-type]
     blend = {"curve": curve, "shape_factor": shape_factor, "remaining_distance_m": remaining_distance}
     change_blend(cell.config, **blend)  # refuses nonsense before anything is drawn
-    ring, load = _ring(cell), max(LOAD, _demand(cell).torque_ratio_max)
+    ring, load = _ring(cell), max(LOAD_SHARE_MAX, _demand(cell).torque_ratio_max)
     by_size = change_blend(cell.config, **blend).blend.curve != "least-time"
     given = cell.config.blend.remaining_distance_m
-    for _ in range(DRAWS):
+    for _ in range(MOST_DRAWS):
         points = _zigzag(cell, random, ring) if family == "zigzag" else _walk(cell, random, ring, family)
-        size = float(random.uniform(*SHARES))
+        size = float(random.uniform(*BLEND_SHARE_RANGE))
         segments = _segments(cell, points, family, random)
         if remaining_distance is None:
             size *= min(segment.length for segment in segments)
@@ -88,7 +88,7 @@ def draw_path(
             corners["remaining_distance"] = size if by_size else None
             return cell.variant(segments=segments, **corners)  # type: ignore[arg-type]
     raise PathError(
-        f"none of {DRAWS} paths drawn as {family!r} can be blended and followed by arm {cell.arm.name!r}",
+        f"none of {MOST_DRAWS} paths drawn as {family!r} can be blended and followed by arm {cell.arm.name!r}",
         remedy="give a smaller remaining distance, or a cell whose given path sweeps more of the arm's reach",
         arm=cell.arm.name,
     )
@@ -108,7 +108,7 @@ def _pair(cell: BlendCell) -> PlanarPair:
 def _demand(cell: BlendCell) -> MotionDemand:
     """What its line-speed profile asks for at full rate."""
     profile = cell.line_speed
-    return motion_demand(cell, *profile.at(np.linspace(0.0, profile.duration, SAMPLES)))
+    return motion_demand(cell, *profile.at(np.linspace(0.0, profile.duration, MOTION_SAMPLES)))
 
 
 def _fits(cell: BlendCell, load: float) -> bool:
@@ -116,14 +116,14 @@ def _fits(cell: BlendCell, load: float) -> bool:
     return (
         demand.torque_ratio_max <= load
         and demand.joint_speed_ratio_max <= 1.0
-        and demand.normal_ratio_max * SLOWEST**2 <= 1.0
-        and demand.jerk_ratio_max * SLOWEST**3 <= 1.0
+        and demand.normal_ratio_max * SLOWEST_RATE**2 <= 1.0
+        and demand.jerk_ratio_max * SLOWEST_RATE**3 <= 1.0
     )
 
 
 def _ring(cell: BlendCell) -> tuple[Floats, Floats]:
     """Lowest and highest distance, angle and height of the given path."""
-    polar = _pair(cell).polar(cell.blended.position(np.linspace(0.0, cell.blended.length, SAMPLES)))
+    polar = _pair(cell).polar(cell.blended.position(np.linspace(0.0, cell.blended.length, MOTION_SAMPLES)))
     polar[:, 1] = np.unwrap(polar[:, 1])
     return polar.min(axis=0), polar.max(axis=0)
 
@@ -175,10 +175,10 @@ def _walk(cell: BlendCell, random: np.random.Generator, ring: tuple[Floats, Floa
     points = [pair.point(random.uniform(low, high))]
     heading = random.uniform(-np.pi, np.pi)
     for k in range(count - 1):
-        turn = random.uniform(*TURNS, TRIES) * random.choice([-1.0, 1.0], TRIES)
-        headings = heading + turn if k else random.uniform(-np.pi, np.pi, TRIES)
-        sides = unit * random.uniform(*SIDES, TRIES)[:, None] * _headings(cell, headings)
-        rise = random.uniform(low[2], high[2], TRIES) - float(pair.polar(points[-1])[2])
+        turn = random.uniform(*TURN_RANGE, CORNER_TRIES) * random.choice([-1.0, 1.0], CORNER_TRIES)
+        headings = heading + turn if k else random.uniform(-np.pi, np.pi, CORNER_TRIES)
+        sides = unit * random.uniform(*SIDE_RANGE, CORNER_TRIES)[:, None] * _headings(cell, headings)
+        rise = random.uniform(low[2], high[2], CORNER_TRIES) - float(pair.polar(points[-1])[2])
         places = points[-1] + sides + rise[:, None] * pair.axis
         best = int(np.argmax(_each_inside(cell, ring, places)))
         heading = float(headings[best])
@@ -192,7 +192,7 @@ def _zigzag(cell: BlendCell, random: np.random.Generator, ring: tuple[Floats, Fl
     ends = random.uniform(*ring, (2, 3))
     ends[1, 2] = ends[0, 2]
     start, way = pair.point(ends[0]), pair.point(ends[1]) - pair.point(ends[0])
-    turn = random.uniform(*TURNS) * random.choice([-1.0, 1.0])
+    turn = random.uniform(*TURN_RANGE) * random.choice([-1.0, 1.0])
     side = _unit(cell) * random.uniform(0.2, 0.5)
     fit = float(np.linalg.norm(way)) / (side * np.cos(0.5 * turn))
     count = int(random.integers(4, max(min(int(fit), 8), 4) + 1))

@@ -19,7 +19,7 @@ from armtempo.planners.geometry import Motion, PoseTarget, floats, harmonic, pos
 from armtempo.planners.ik import FeedbackIK, IKGains, IKRun
 from armtempo.robots import Arm, Clearance
 
-CHECKS = 200  # postures of the nominal run that are looked at
+CHECKED_POSTURES = 200  # postures of the nominal run that are looked at
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +139,7 @@ class IKCell(OneArmCell[IKCellConfig]):
             CollisionError: It touches itself.
         """
         arm, run = self.arm, self.nominal
-        rows = np.unique(np.linspace(0, len(run.q) - 1, CHECKS).round().astype(int))
+        rows = np.unique(np.linspace(0, len(run.q) - 1, CHECKED_POSTURES).round().astype(int))
         q = run.q[rows]
         share = np.abs(arm.inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))) / arm.torque_max
         k, joint = np.unravel_index(int(share.argmax()), share.shape)

@@ -16,18 +16,20 @@ from armtempo.robots import Clearance
 TargetFamilyName = Literal["given", "smooth", "near-singular", "partly-unreachable"]
 TARGET_FAMILIES: tuple[TargetFamilyName, ...] = get_args(TargetFamilyName)
 
-DRAWS = 1000
-SAMPLES = 61  # of a motion; one of them is the middle posture
-STEP = 0.8  # [rad] a joint goes at most from posture to posture; sliding joints a share of their range
-SLIDE = 0.3
-WIDEST = np.pi  # joints that turn farther are drawn in this range about zero, or from the limit nearest to it
-SHORTEST = 2.0  # [s]
-LOAD = 0.8  # largest share of a torque limit, and of an acceleration limit
-PACE = 0.5  # largest share of a joint's speed
-WELL = 3.0  # dampings (and at least WELL_SHARE of what the arm has in the middle) that smooth motions keep away
-WELL_SHARE = 0.25
-SINGULAR = 0.25  # dampings below which a posture is near-singular
-BEYOND = (0.05, 0.2)  # of the arm's length that a target goes out of reach
+MOST_DRAWS = 1000
+MOTION_SAMPLES = 61  # of a motion; one of them is the middle posture
+LARGEST_TURN = 0.8  # [rad] a joint goes at most from posture to posture; sliding joints a share of their range
+LARGEST_SLIDE_SHARE = 0.3
+WIDEST_RANGE = np.pi  # joints that turn farther are drawn in this range about zero, or from the limit nearest to it
+SHORTEST_DURATION = 2.0  # [s]
+LOAD_SHARE_MAX = 0.8  # largest share of a torque limit, and of an acceleration limit
+SPEED_SHARE_MAX = 0.5  # largest share of a joint's speed
+CLEAR_OF_SINGULAR = (
+    3.0  # dampings (and at least WELL_SHARE of what the arm has in the middle) that smooth motions keep away
+)
+CLEAR_OF_SINGULAR_SHARE = 0.25
+NEAR_SINGULAR = 0.25  # dampings below which a posture is near-singular
+REACH_EXCEEDED_BY = (0.05, 0.2)  # of the arm's length that a target goes out of reach
 TRIP_SPEED = 0.5  # arm's lengths per second that the way out takes at most
 
 
@@ -69,17 +71,17 @@ def draw_target(cell: IKCell, family: str, random: np.random.Generator) -> IKCel
         )
     clearance = Clearance([cell.arm], ())
     well = _well_conditioned(cell)
-    for _ in range(DRAWS):
+    for _ in range(MOST_DRAWS):
         postures = _postures(cell, random)
         if family == "near-singular":
             postures[1] = _towards_singular(cell, postures[1], random)
         motion = _timed(cell, postures)
         if motion is None:
             continue
-        q = motion.joints(np.linspace(0.0, motion.duration, SAMPLES))[0]
+        q = motion.joints(np.linspace(0.0, motion.duration, MOTION_SAMPLES))[0]
         values = cell.singular_value(q)
         if family == "near-singular":
-            fits = values.min() < SINGULAR * cell.config.law.damping and min(values[0], values[-1]) >= well
+            fits = values.min() < NEAR_SINGULAR * cell.config.law.damping and min(values[0], values[-1]) >= well
         else:
             fits = bool(values.min() >= well)
         if not fits or _touches(clearance, q):
@@ -88,7 +90,7 @@ def draw_target(cell: IKCell, family: str, random: np.random.Generator) -> IKCel
             return _excursion(cell, motion, random)
         return cell.variant(motion, motion.duration, postures[0])
     raise PathError(
-        f"none of {DRAWS} targets drawn as {family!r} suits arm {cell.arm.name!r}",
+        f"none of {MOST_DRAWS} targets drawn as {family!r} suits arm {cell.arm.name!r}",
         remedy="take another family, or give the arm wider limits",
         arm=cell.arm.name,
     )
@@ -99,9 +101,9 @@ def _ranges(cell: IKCell) -> tuple[Floats, Floats, Floats]:
     arm = cell.arm
     sliding = arm.model.prismatic
     bounded = np.isfinite(arm.position_min) & np.isfinite(arm.position_max)
-    low, high = ranges_near_zero(arm, np.where(sliding & bounded, np.inf, WIDEST))
+    low, high = ranges_near_zero(arm, np.where(sliding & bounded, np.inf, WIDEST_RANGE))
     reserve = 0.05 * (high - low)
-    return low + reserve, high - reserve, np.where(sliding, SLIDE * (high - low), STEP)
+    return low + reserve, high - reserve, np.where(sliding, LARGEST_SLIDE_SHARE * (high - low), LARGEST_TURN)
 
 
 def _postures(cell: IKCell, random: np.random.Generator) -> Floats:
@@ -117,7 +119,7 @@ def _well_conditioned(cell: IKCell) -> float:
     """Smallest singular value that counts as far from singular."""
     low, high, _ = _ranges(cell)
     typical = np.median(cell.singular_value(np.random.default_rng(0).uniform(low, high, (200, len(low)))))
-    return max(WELL * cell.config.law.damping, WELL_SHARE * float(typical))
+    return max(CLEAR_OF_SINGULAR * cell.config.law.damping, CLEAR_OF_SINGULAR_SHARE * float(typical))
 
 
 def _towards_singular(cell: IKCell, q: Floats, random: np.random.Generator) -> Floats:
@@ -137,13 +139,17 @@ def _towards_singular(cell: IKCell, q: Floats, random: np.random.Generator) -> F
 def _timed(cell: IKCell, postures: Floats) -> JointMotion | None:
     """Through the postures as slowly as limits need it; None where no time is enough."""
     low, high, _ = _ranges(cell)
-    motion = JointMotion(cell.arm, postures, SHORTEST)
-    q = motion.joints(np.linspace(0.0, SHORTEST, SAMPLES))[0]
+    motion = JointMotion(cell.arm, postures, SHORTEST_DURATION)
+    q = motion.joints(np.linspace(0.0, SHORTEST_DURATION, MOTION_SAMPLES))[0]
     if (q < low - 1e-9).any() or (q > high + 1e-9).any():
         return None
     for _ in range(8):
         demand = _demand(cell, motion)
-        slower = max(demand.speed / PACE, np.sqrt(demand.acceleration / LOAD), 1.0 if demand.torque <= LOAD else 1.3)
+        slower = max(
+            demand.speed / SPEED_SHARE_MAX,
+            np.sqrt(demand.acceleration / LOAD_SHARE_MAX),
+            1.0 if demand.torque <= LOAD_SHARE_MAX else 1.3,
+        )
         if slower <= 1.0:
             return motion
         motion = JointMotion(cell.arm, postures, 1.01 * slower * motion.duration)
@@ -152,7 +158,7 @@ def _timed(cell: IKCell, postures: Floats) -> JointMotion | None:
 
 def _demand(cell: IKCell, motion: JointMotion) -> _Demand:
     """Largest shares of the limits."""
-    arm, t = cell.arm, np.linspace(0.0, motion.duration, 8 * SAMPLES)
+    arm, t = cell.arm, np.linspace(0.0, motion.duration, 8 * MOTION_SAMPLES)
     q, qd = motion.joints(t)
     qdd = np.gradient(qd, t, axis=0)
     torque = np.abs(arm.inverse_dynamics(q, qd, qdd)) / arm.torque_max
@@ -181,7 +187,7 @@ def _excursion(cell: IKCell, motion: JointMotion, random: np.random.Generator) -
     base = arm.link_poses(motion.postures[0])[first, :3, 3]
     out = middle - base
     off = float(np.linalg.norm(out))
-    rise = (_slides(cell) + length * (1.0 + random.uniform(*BEYOND)) - off) / off * out
+    rise = (_slides(cell) + length * (1.0 + random.uniform(*REACH_EXCEEDED_BY)) - off) / off * out
     # Slow enough for the trip: the motion itself gets longer with it.
     trip = 15.0 / 8.0 * float(np.linalg.norm(rise)) / (TRIP_SPEED * length)
     duration = max(motion.duration, 4.0 * trip)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
-from armtempo.envs.coordination.world import ATTEMPTS, Draws, Episodes, World, draw
+from armtempo.envs.coordination.world import START_ATTEMPTS, Draws, Episodes, World, draw
 from armtempo.robots import njit, unlocked
 
 Orders = NDArray[np.int8]
@@ -25,7 +25,7 @@ def draw_shielded(
             attempt = draw(world, draws, episodes, e, late, attempt)
             if first_orders(world, tables, episodes.lam[e], scripted, orders[e], work):
                 break
-            if attempt >= ATTEMPTS:
+            if attempt >= START_ATTEMPTS:
                 return e
             attempt += 1
     return -1

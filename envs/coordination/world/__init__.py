@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from armtempo.envs.coordination.world._disturbance import (
-    ATTEMPTS,
     DISTURBANCES,
+    START_ATTEMPTS,
     Disturbance,
     Draws,
     Range,
@@ -33,7 +33,7 @@ from armtempo.envs.coordination.world._world import (
 )
 
 __all__ = [
-    "ATTEMPTS",
+    "START_ATTEMPTS",
     "DISTURBANCES",
     "Disturbance",
     "Draws",

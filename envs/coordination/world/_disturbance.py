@@ -23,7 +23,7 @@ from armtempo.robots import njit
 Range = tuple[float, float]
 
 MOST_STOPS = 16
-ATTEMPTS = 32  # at starting places; then all arms start at the start of their paths
+START_ATTEMPTS = 32  # at starting places; then all arms start at the start of their paths
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -199,8 +199,8 @@ def _may_start(world: World, draws: Draws, lam: Floats) -> bool:
 def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float, first: int) -> int:
     """Begin an episode, its key and number given; ``late`` [s]: of the first arm, drawn if negative.
 
-    ``first``: at which attempt to begin with starting places; returns the one that was taken, ATTEMPTS for the starts
-    of the paths.
+    ``first``: at which attempt to begin with starting places; returns the one that was taken, START_ATTEMPTS for the
+    starts of the paths.
     """
     key, number = episodes.key[e], episodes.number[e]
     arms = episodes.lam.shape[1]
@@ -221,9 +221,9 @@ def draw(world: World, draws: Draws, episodes: Episodes, e: int, late: float, fi
     if late < 0.0:
         late = _between(draws.master_late[0], draws.master_late[1], uniform(key, number, 0, MASTER_LATE, 0))
     episodes.late[e, 0] += late
-    taken = ATTEMPTS
+    taken = START_ATTEMPTS
     if draws.phase[1] > 0.0:
-        for attempt in range(first, ATTEMPTS):
+        for attempt in range(first, START_ATTEMPTS):
             for i in range(arms):
                 share = _between(draws.phase[0], draws.phase[1], uniform(key, number, attempt, PHASE, i))
                 steps = steps_of(world, i)

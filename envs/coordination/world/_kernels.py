@@ -15,7 +15,7 @@ from armtempo.arrays import Bools, Floats, Floats32
 from armtempo.envs.bodies import tip_of
 from armtempo.envs.common import NOISE, normal
 from armtempo.envs.coordination.world._world import (
-    BLOCK,
+    CELLS_PER_BLOCK,
     Episodes,
     World,
     clearance_of,
@@ -33,7 +33,7 @@ from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit, unlocked
 
-SPAN = 64  # episodes in one go: what they need stays in the cache
+EPISODES_AT_ONCE = 64  # episodes in one go: what they need stays in the cache
 
 
 class Scratch(NamedTuple):
@@ -48,7 +48,7 @@ class Scratch(NamedTuple):
 
 def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
     """Work space for so many episodes, SPAN at most."""
-    B = min(episodes, SPAN)
+    B = min(episodes, EPISODES_AT_ONCE)
     return Scratch(
         np.zeros((B, arms, ticks)),
         np.zeros((B, arms, ticks)),
@@ -232,8 +232,8 @@ def _pairs(world: World, episodes: Episodes, first: int, last: int, active: Bool
                 pair[0], pair[1], pair[2] = 1.0, 0.0, -1.0
                 row = begin if waits[begin, 1] > -np.inf else rows  # nothing ahead at all
                 while row < rows:
-                    if row % BLOCK == 0 and block[row // BLOCK] < there:
-                        row += BLOCK
+                    if row % CELLS_PER_BLOCK == 0 and block[row // CELLS_PER_BLOCK] < there:
+                        row += CELLS_PER_BLOCK
                     elif occupied[row] >= there:
                         pair[0], pair[1] = max(row / rows - here, 0.0), (occupied[row] - there) / other
                         own = scratch.own[e - first, i, 5]

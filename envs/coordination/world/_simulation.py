@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Bools, Floats, Floats32
 from armtempo.envs.bodies import Controller, End, Recorder, Settling, Trace
 from armtempo.envs.coordination.world._disturbance import (
-    ATTEMPTS,
+    START_ATTEMPTS,
     describe,
     draw,
     make_draws,
@@ -162,7 +162,7 @@ class CoordinationSimulation:
         attempt = 0
         while True:
             attempt = draw(self._world, self._draws, episodes, 0, -1.0 if late is None else 0.0, attempt)
-            if accepts is None or attempt >= ATTEMPTS or accepts():
+            if accepts is None or attempt >= START_ATTEMPTS or accepts():
                 break
             attempt += 1
         if late is not None:

@@ -23,7 +23,7 @@ from armtempo.robots import ArmModel, njit
 
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
 FCL_BELOW = 0.05  # [m] above d_min: nearer than this the clearance tables ask FCL, not capsules
-BLOCK = 64
+CELLS_PER_BLOCK = 64
 _ROWS, _EDGES, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 7, 12, 13, 18, 30
 
 
@@ -117,7 +117,7 @@ def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int
         chart = cell.chart_between(j, i)
         border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
         last = np.where(chart.last_column >= 0, border, -1.0)
-        blocks = np.maximum.reduceat(last, np.arange(0, len(last), BLOCK))
+        blocks = np.maximum.reduceat(last, np.arange(0, len(last), CELLS_PER_BLOCK))
         waits = _waits(to_go[i], to_go[j], last, *(cell.planes[k].rows.station for k in (i, j)))
         region[i, j] = len(last), put(last), put(blocks), put(waits)
     return World(
@@ -235,9 +235,9 @@ def last_occupied(world: World, i: int, j: int) -> Floats:
 
 @njit
 def last_in_block(world: World, i: int, j: int) -> Floats:
-    """(R / BLOCK,) the largest of BLOCK rows of it."""
+    """(R / CELLS_PER_BLOCK,) the largest of so many rows of it."""
     o = world.region[i, j, 2]
-    return world.buffer[o : o + (world.region[i, j, 0] + BLOCK - 1) // BLOCK]
+    return world.buffer[o : o + (world.region[i, j, 0] + CELLS_PER_BLOCK - 1) // CELLS_PER_BLOCK]
 
 
 @njit

@@ -159,8 +159,8 @@ def test_variants_of_a_cell_are_checked(chung: IKCell) -> None:
 def test_an_arm_too_weak_for_any_target_says_so(chung: IKCell, monkeypatch: pytest.MonkeyPatch) -> None:
     from armtempo.planners.cells import _pose_families
 
-    monkeypatch.setattr(_pose_families, "DRAWS", 5)
-    monkeypatch.setattr(_pose_families, "LOAD", 1e-3)
+    monkeypatch.setattr(_pose_families, "MOST_DRAWS", 5)
+    monkeypatch.setattr(_pose_families, "LOAD_SHARE_MAX", 1e-3)
     with pytest.raises(PathError, match="none of 5 targets drawn as 'smooth' suits arm 'puma'"):
         draw_target(chung, "smooth", np.random.default_rng(0))
 
