@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats
+from armtempo.arrays import Floats, read_only
 from armtempo.errors import RobotError, check_keywords
 from armtempo.robots import _kernels as kernels
 from armtempo.robots._model import ArmModel, Capsules
@@ -200,6 +200,9 @@ class Arm:
             T_link_tip=_frozen(chain.T_last_tip),
         )
 
+    def __reduce__(self) -> tuple[object, tuple[dict[str, Any]]]:
+        return _arrived, ({field.name: getattr(self, field.name) for field in fields(self)},)
+
     def _rows(self, values: ArrayLike, what: str) -> tuple[Floats, tuple[int, ...]]:
         """A contiguous, writable copy (N, n), so that every kernel is compiled once only; and the leading axes."""
         array = np.array(values, dtype=np.float64, order="C")
@@ -275,6 +278,15 @@ class Arm:
         if friction:
             tau += self.damping * speed + self.coulomb * np.sign(speed)
         return tau.reshape(*lead, self.dof)
+
+
+def _arrived(values: dict[str, Any]) -> Arm:
+    """An arm after its way to another process, on which arrays forget that they may not be written to.
+
+    For numba that is another type: every kernel would be compiled again.
+    """
+    read_only(tuple(values.values()))
+    return Arm(**values)
 
 
 def _with_tool(chain: Chain, tool: Tool) -> Chain:

@@ -1,6 +1,8 @@
-"""The names of array types. Shapes and units are said where a name is used."""
+"""The names of array types, and what may not be written to. Shapes and units are said where a name is used."""
 
 from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,4 +12,16 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-__all__ = ["Bools", "Floats", "Floats32", "Ints"]
+__all__ = ["Bools", "Floats", "Floats32", "Ints", "read_only"]
+
+
+def read_only(value: object) -> None:
+    """Forbid writing to every array in it, in tuples and dataclasses too."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, tuple):
+        for part in value:
+            read_only(part)
+    elif is_dataclass(value):
+        for field in fields(value):
+            read_only(getattr(value, field.name))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
-from collections.abc import Iterator
+import pickle
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from armtempo.errors import RobotError, UnknownNameError
 from armtempo.robots import Arm, Tool, kernels
 
 pin: Any = importlib.import_module("pinocchio")  # without types of its own
+numba: Any = importlib.import_module("numba")  # with untyped functions
 
 DATA = Path(pybullet_data.getDataPath())
 PLANAR = Path(__file__).parents[2] / "configs" / "robots" / "planar_two_link.urdf"
@@ -298,6 +301,23 @@ def test_scalar_kernels_match_the_batched_methods() -> None:
     kernels.link_frames(arm.model, q, R, p)
     np.testing.assert_array_equal(p, arm.link_poses(q)[:, :3, 3])
     np.testing.assert_array_equal(R, arm.link_poses(q)[:, :3, :3])
+
+
+@pytest.mark.parametrize("way", [copy.deepcopy, lambda arm: pickle.loads(pickle.dumps(arm))])
+@pytest.mark.parametrize("name", ["planar", "iiwa", "panda"])
+def test_an_arm_arrives_as_the_type_that_kernels_are_compiled_for(name: str, way: Callable[[Arm], Arm]) -> None:
+    file, tip = ROBOTS[name]
+    arm = Arm.from_urdf(file, tip_link=tip)
+    sent = way(arm)
+    for field in ("model", "capsules", "speed_max", "damping", "T_world_base"):
+        assert numba.typeof(getattr(sent, field)) == numba.typeof(getattr(arm, field)), field
+    for shape, old in zip(sent.shapes, arm.shapes, strict=True):
+        assert not shape.points.flags.writeable
+        assert not shape.T_link_shape.flags.writeable
+        np.testing.assert_array_equal(shape.points, old.points)
+    q = states(arm, 3)[0]
+    np.testing.assert_array_equal(sent.tip_pose(q), arm.tip_pose(q))
+    assert (sent.name, sent.joint_names, sent.ignored_pairs) == (arm.name, arm.joint_names, arm.ignored_pairs)
 
 
 def test_viscous_friction_is_read_and_added() -> None:
