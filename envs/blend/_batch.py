@@ -27,12 +27,10 @@ from armtempo.envs.common import (
     Chunks,
     DrawnCells,
     Generators,
+    SavedBatch,
     Seeds,
     Slots,
     as_commands,
-    check_same,
-    copied,
-    put_state,
     sums_of,
     with_masks,
 )
@@ -46,7 +44,7 @@ PER_THREAD = 16  # episodes that are worth a thread
 
 
 @final
-class BlendBatch:
+class BlendBatch(SavedBatch):
     """E episodes of a cell, as ``BlendTrackingEnv`` with ``physics="ideal"`` runs them, to the last bit.
 
     Args:
@@ -264,18 +262,3 @@ class BlendBatch:
     def _constant(self) -> dict[str, NDArray[Any]]:
         """What tells these environments from others."""
         return {"lengths": self._lengths, "durations": self._durations, "paper": np.array([self._paper])}
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes; InputError where paths are drawn for every episode."""
-        return copied({**self._changing(), **self._constant(), "random": self._generators.get_state()})
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from there."""
-        random = self._generators.get_state()
-        check_same(self._constant(), state, self.name)
-        put_state({**self._changing(), "random": random}, state, self.name)
-        self._generators.set_state(random)
-
-    def close(self) -> None:
-        """End the threads."""
-        self._chunks.close()

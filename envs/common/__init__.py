@@ -33,6 +33,7 @@ from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ide
 from armtempo.envs.common._vector_parts import (
     Chunks,
     Generators,
+    SavedBatch,
     Seeds,
     check_same,
     check_state,
@@ -48,6 +49,7 @@ __all__ = [
     "Chunks",
     "DrawnCells",
     "Generators",
+    "SavedBatch",
     "Seeds",
     "Slots",
     "VectorBase",

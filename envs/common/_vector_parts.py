@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -134,3 +135,38 @@ class Chunks:
         """End the threads; may be called twice."""
         if self._pool is not None:
             self._pool.shutdown()
+
+
+class SavedBatch(ABC):
+    """A batch that can be saved and gone on with: what changes, what tells it from others, and its dice."""
+
+    _generators: Generators
+    _chunks: Chunks
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The cell's."""
+
+    @abstractmethod
+    def _changing(self) -> dict[str, NDArray[Any]]:
+        """The arrays that steps write to; InputError where a cell is drawn for every episode."""
+
+    @abstractmethod
+    def _constant(self) -> dict[str, NDArray[Any]]:
+        """What tells these environments from others."""
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """All that changes, copied; InputError where a cell is drawn for every episode."""
+        return copied({**self._changing(), **self._constant(), "random": self._generators.get_state()})
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from ``get_state`` of a batch made alike; InputError where it was not, and then nothing changes."""
+        random = self._generators.get_state()
+        check_same(self._constant(), state, self.name)
+        put_state({**self._changing(), "random": random}, state, self.name)
+        self._generators.set_state(random)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._chunks.close()

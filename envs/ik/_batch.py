@@ -14,12 +14,10 @@ from armtempo.envs.common import (
     Chunks,
     DrawnCells,
     Generators,
+    SavedBatch,
     Seeds,
     Slots,
-    check_same,
-    copied,
     count_of,
-    put_state,
     sums_of,
     with_masks,
 )
@@ -38,7 +36,7 @@ TARGET_ARRAYS = ("position", "rotation", "velocity", "angular_velocity")
 
 
 @final
-class IKBatch:
+class IKBatch(SavedBatch):
     """E episodes of a cell, as ``FeedbackIKEnv`` with ``physics="ideal"`` runs them, to the last bit.
 
     Args:
@@ -199,18 +197,3 @@ class IKBatch:
     def _constant(self) -> dict[str, NDArray[Any]]:
         """What tells these environments from others."""
         return {"starts": self._starts, "ticks": self._lasts, "by_gains": np.array([self._drive.by_gains])}
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes; InputError where targets are drawn for every episode."""
-        return copied({**self._changing(), **self._constant(), "random": self._generators.get_state()})
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from there."""
-        random = self._generators.get_state()
-        check_same(self._constant(), state, self.name)
-        put_state({**self._changing(), "random": random}, state, self.name)
-        self._generators.set_state(random)
-
-    def close(self) -> None:
-        """End the threads."""
-        self._chunks.close()
