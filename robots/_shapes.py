@@ -264,11 +264,16 @@ def static_shape(
 
 def load_mesh(file: Path, *, element: str) -> Floats:
     """Vertices (v, 3) of a mesh file. Raises RobotError."""
+    return load_triangles(file, element=element)[0]
+
+
+def load_triangles(file: Path, *, element: str) -> tuple[Floats, Ints]:
+    """Vertices (v, 3) and triangles (f, 3) of a mesh file. Raises RobotError."""
     try:
         mesh = trimesh.load_mesh(str(file), process=False)
         if not len(mesh.faces):
             raise ValueError("it has no triangles")
-        return np.array(mesh.vertices, dtype=np.float64)
+        return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:
         raise RobotError(
             f"{element}: cannot read the mesh {str(file)!r}: {error or type(error).__name__}",

@@ -19,7 +19,7 @@ from armtempo.arrays import Floats
 from armtempo.errors import RobotError
 from armtempo.robots._shapes import Shape, load_mesh, make_shape
 
-__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "merge_inertia", "read_urdf"]
+__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia", "read_urdf"]
 
 MOVABLE_TYPES: Final = ("revolute", "continuous", "prismatic")
 Unphysical = Literal["refuse", "point-mass"]
@@ -80,13 +80,21 @@ def read_urdf(file: Path, tip_link: str | None, unphysical_inertia: Unphysical =
 
     Movable joints off the chain are held at zero. Raises RobotError naming the file, the element and the remedy.
     """
-    return _Reader(file, unphysical_inertia).chain(tip_link)
+    return UrdfReader(file, unphysical_inertia).chain(tip_link)
 
 
-class _Reader:
+class UrdfReader:
+    """A robot's file as a tree of links.
+
+    Attributes:
+        file: Its name.
+        visuals: The <visual> elements of every link, as they are: nobody has looked at them.
+    """
+
     def __init__(self, file: Path, unphysical_inertia: Unphysical) -> None:
         self.file = file
         self.unphysical_inertia = unphysical_inertia
+        self.visuals: dict[str, list[ET.Element]] = {}
         robot, self.capsules, self.visible = self._parse()
         self.robot = robot
         self.links = {link.name: link for link in robot.links}
@@ -127,7 +135,8 @@ class _Reader:
             name = link.get("name", "")
             if link.find("visual") is not None or link.find("collision") is not None:
                 visible.add(name)
-            for visual in link.findall("visual"):
+            self.visuals[name] = link.findall("visual")
+            for visual in self.visuals[name]:
                 link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
             for index, collision in enumerate(link.findall("collision")):
                 capsule = self._take_capsule(name, index, collision)
@@ -198,6 +207,10 @@ class _Reader:
         return Chain(
             name=self.robot.name, joints=tuple(joints), shapes=tuple(shapes), tip_link=tip, T_last_tip=place[tip][1]
         )
+
+    def places(self, tip_link: str) -> dict[str, tuple[int, Floats]]:
+        """Of each link: the moving link on the way to the tip that carries it (-1: the base), and its pose there."""
+        return self._places(self._movable(self._tip(tip_link)))[0]
 
     def _movable(self, tip: str) -> list[Any]:
         """The movable joints from the root to the tip."""
@@ -329,14 +342,14 @@ class _Reader:
         else:
             kind, size = "convex", ()
             scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-            file = self._mesh_file(name, geometry.mesh.filename or "")
+            file = self.mesh_file(name, geometry.mesh.filename or "")
             vertices = load_mesh(file, element=f"{self.file}: link {name!r}") * scale
         try:
             return make_shape(kind, size, T, link=body, link_name=name, vertices=vertices)
         except RobotError as error:
             raise RobotError(f"{self.file}: {error}", file=str(self.file), element=f"link {name!r}") from error
 
-    def _mesh_file(self, name: str, filename: str) -> Path:
+    def mesh_file(self, name: str, filename: str) -> Path:
         """package://, model:// and file:// names, absolute ones, and ones relative to the URDF or a folder above it."""
         scheme, _, rest = filename.rpartition("://")
         path = Path(rest)
