@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from collections.abc import Mapping
+from typing import Any, Literal, final
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from armtempo.envs.bodies._damping import check_damping
 from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import Cell
+from armtempo.state import Stateful
 
 Physics = Literal["bullet", "ideal"]
 PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
@@ -19,7 +21,7 @@ CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the ti
 
 
 @final
-class Controller:
+class Controller(Stateful):
     """The joint controllers of a cell's arms and, in ``bullet``, their bodies.
 
     Arrays have one row per arm, padded with zeros to the largest number of joints.
@@ -40,6 +42,8 @@ class Controller:
     Raises:
         RobotError: The bodies are not the planned ones, or their damping is too strong for the tick.
     """
+
+    changing = ("_measured", "reference", "torque", "demand")
 
     def __init__(self, cell: Cell, physics: Physics, *, model_error: float = 0.0, friction_error: float = 0.0) -> None:
         arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
@@ -92,6 +96,11 @@ class Controller:
         """Without physics: what is so, all (A, n), where the arms are on their references of now."""
         self.qd[:] = (self.reference[2] - self.reference[1]) / self.tick
         self.q[:], self.torque[:], self.demand[:] = q, torque, demand
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        super()._go_on(state)
+        if self.scene is not None:
+            self.scene.put_joints(self.q, self.qd)
 
     @property
     def clipped(self) -> bool:

@@ -28,6 +28,7 @@ from armtempo.envs.common._rewards import (
     progress_reward,
     time_reward,
 )
+from armtempo.envs.common._saved import SavedEnv
 from armtempo.envs.common._single_agent import SingleAgentEnv
 from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ideal_options, spread
 from armtempo.envs.common._vector_parts import (
@@ -50,6 +51,7 @@ __all__ = [
     "DrawnCells",
     "Generators",
     "SavedBatch",
+    "SavedEnv",
     "Seeds",
     "Slots",
     "VectorBase",

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import Renderer, Simulation, Trace
 from armtempo.envs.common._lifecycle import Lifecycle
+from armtempo.envs.common._saved import SavedEnv
 from armtempo.planners import Cell
 
 SimulationT = TypeVar("SimulationT", bound=Simulation[Cell, Trace[Any]])
 
 
-class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
+class SingleAgentEnv(SavedEnv, gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
     """The part of an environment of one agent that does not depend on its task; a subclass makes ``simulation``."""
 
     reset_options: ClassVar[tuple[str, ...]]
@@ -59,7 +60,7 @@ class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
         given = self._life.begin(options, self.reset_options)
         super().reset(seed=seed)
         observation, info = self._begin(given, seed is not None)
-        self._life.running = True
+        self._life.start()
         if self.render_mode == "human":
             self.render()
         return observation, info

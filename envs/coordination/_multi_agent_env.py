@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
-from armtempo.envs.common import Lifecycle, action_space, observation_space, options_of, read_action
+from armtempo.envs.common import Lifecycle, SavedEnv, action_space, observation_space, options_of, read_action
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import (
@@ -32,7 +32,7 @@ CHECKERS_OPTION = "options"  # PettingZoo's checkers reset every environment wit
 
 
 @final
-class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
     """Arms on given paths in one workspace, one agent per arm (``arm_0``, ``arm_1``, ... in priority order).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
@@ -126,6 +126,8 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         "is_parallelizable": True,
     }
 
+    changing = ("np_random", "np_random_seed", "_episode", "_shield", "_life", "agents")
+
     def __init__(
         self,
         cell: CoordinationCell | str | Path = "lee1991",
@@ -185,7 +187,8 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
         drawn = self._episode.reset(self.np_random, seed is not None, given, self._shield)
-        self.agents, self._life.running = self.possible_agents[:], True
+        self.agents = self.possible_agents[:]
+        self._life.start()
         if self.render_mode == "human":
             self.render()
         rows = self.simulation.observe()

@@ -10,11 +10,12 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from armtempo.arrays import Floats32
-from armtempo.envs.common import read_action
+from armtempo.envs.common import SavedEnv, read_action
 from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
 from armtempo.envs.coordination._yielding_env import YieldingEnv
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.errors import InputError
+from armtempo.state import State, Stateful
 
 
 def _action(asked: Floats32, command: float, admitted: float) -> Floats32:
@@ -22,8 +23,21 @@ def _action(asked: Floats32, command: float, admitted: float) -> Floats32:
     return asked if admitted == command else np.array([2.0 * admitted - 1.0], dtype=np.float32)
 
 
+class _SavedShield(Stateful):
+    """The state of a shield and of the environment that it is in front of."""
+
+    changing = ("_below", "shield")
+    _below: SavedEnv
+    shield: EpisodeShield
+
+    def get_state(self) -> State:
+        """All that changes, of the environment too; ``set_state`` goes on from there. Raises InputError as its own."""
+        self._below.get_state()
+        return super().get_state()
+
+
 @final
-class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
+class ShieldWrapper(_SavedShield, gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
     """Lets through only actions of the learning arm of a ``YieldingEnv`` that leave a way out.
 
     Args:
@@ -41,7 +55,7 @@ class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
         if not isinstance(below, YieldingEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a YieldingEnv")
         self._below: YieldingEnv = below
-        self.shield: EpisodeShield = below.make_shield(tube_m)
+        self.shield = below.make_shield(tube_m)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -63,7 +77,7 @@ class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
 
 
 @final
-class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+class ShieldParallelWrapper(_SavedShield, BaseParallelWrapper[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
     """Lets through only actions of the arms of a ``CoordinationEnv`` that leave a way out.
 
     Args:
@@ -81,7 +95,7 @@ class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # ty
         if not isinstance(below, CoordinationEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a CoordinationEnv")
         self._below: CoordinationEnv = below
-        self.shield: EpisodeShield = EpisodeShield(below.simulation, tube_m=tube_m)
+        self.shield = EpisodeShield(below.simulation, tube_m=tube_m)
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None

@@ -25,6 +25,7 @@ from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell
 from armtempo.planners.topp import Mode
+from armtempo.state import State
 
 
 @final
@@ -122,6 +123,8 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = RESET_OPTIONS
 
+    changing = ("np_random", "_np_random_seed", "_episode", "_others", "_shield", "_life")
+
     def __init__(
         self,
         cell: CoordinationCell | str | Path = "lee1991",
@@ -157,6 +160,9 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
         scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
         return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
+
+    def _header(self) -> State:
+        return {**super()._header(), "learner": self._own}
 
     @property
     def trace(self) -> CoordinationTrace:

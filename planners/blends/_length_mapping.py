@@ -27,6 +27,7 @@ from armtempo.planners.blends._curve_kernels import GAUSS_U, PAIR_WEIGHTS, PANEL
 from armtempo.planners.blends._path_kernels import ARC, PackedPath
 from armtempo.planners.geometry import floats
 from armtempo.robots import njit
+from armtempo.state import Stateful
 
 
 @njit
@@ -234,12 +235,14 @@ class PredictorCorrector(LengthMapping):
 
 
 @final
-class MappingRun(LengthMapping):
+class MappingRun(LengthMapping, Stateful):
     """The paper's mapping tick by tick: goes on from call to call, and gives the same bits as all ticks at once.
 
     Args:
         mapping: Its path and settings.
     """
+
+    changing = ("_state",)
 
     def __init__(self, mapping: PredictorCorrector) -> None:
         self.packed = mapping.packed

@@ -20,6 +20,7 @@ from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.planners.geometry import Arc, CartesianPath, Line
 from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
+from armtempo.state import Stateful
 
 # Of a warp: sigma at its start, time since then, duration, first coefficient of f, override wanted.
 WARP_START, WARP_PAST, WARP_LASTS, WARP_POWERS, WARP_WANTED = 0, 1, 2, 3, 9
@@ -50,7 +51,7 @@ class PackedFeed(NamedTuple):
     """The shortest transition tried [s]."""
 
 
-class FeedOverride:
+class FeedOverride(Stateful):
     """A profile with its speed turned down and up while it runs.
 
     Where the profile itself is at a limit there may be no way to change the override at once; a profile planned with
@@ -70,6 +71,8 @@ class FeedOverride:
         InfeasibleError: The profile itself does not keep the limits.
         InputError: A path of another kind, or of another length than the profile's.
     """
+
+    changing = ("_warp", "_out")
 
     def __init__(
         self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: PathOf | None = None

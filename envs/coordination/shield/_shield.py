@@ -32,6 +32,7 @@ from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
 from armtempo.planners.schedules import VciExecution
+from armtempo.state import Stateful
 
 ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
 REGIONS_ALL_ORDERS_TRIED = 12  # regions of which all orders are tried
@@ -151,7 +152,7 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
 
 
 @final
-class Shield:
+class Shield(Stateful):
     """Commands that leave a way out, for the arms of one cell.
 
     A requested set of commands is let through if every arm, after one period under its own and maximum braking from
@@ -165,6 +166,8 @@ class Shield:
         plan: The precedence that scripted arms obey.
         tube_m: See ``shield_tables``.
     """
+
+    changing = ("orders", "_uncertain")
 
     def __init__(
         self,
@@ -240,7 +243,7 @@ def plan_of(cell: CoordinationCell, execution: Execution | None) -> Precedence |
 
 
 @final
-class EpisodeShield:
+class EpisodeShield(Stateful):
     """A shield over a running simulation, and what it changed.
 
     Args:
@@ -249,6 +252,8 @@ class EpisodeShield:
         plan: See ``Shield``.
         tube_m: See ``shield_tables``.
     """
+
+    changing = ("shield", "_change", "_sum", "_count", "_steps")
 
     def __init__(
         self,

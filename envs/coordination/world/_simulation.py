@@ -38,6 +38,7 @@ from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
+from armtempo.state import Stateful
 
 
 def _levers(arm: Arm) -> Floats:
@@ -86,7 +87,7 @@ class CoordinationTrace(Trace[tuple[Floats, ...]]):
 
 
 @final
-class CoordinationSimulation:
+class CoordinationSimulation(Stateful):
     """One cell, run in control periods.
 
     Args:
@@ -105,6 +106,11 @@ class CoordinationSimulation:
         InputError: The cell has no such arm as the one that is disturbed.
     """
 
+    changing = (
+        "_episodes", "_ticks", "violated", "_violations", "min_clearance", "_drawn", "_settling", "_controller",
+        "_recorder", "_q_asked", "_distance_asked", "_observation",
+    )  # fmt: skip
+
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
         self.cell, self.physics, self.record = cell, options.physics, record
         self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
@@ -121,7 +127,6 @@ class CoordinationSimulation:
         self._controller = Controller(
             cell, options.physics, model_error=options.model_error, friction_error=options.friction_error
         )
-        self._scene, self._q = self._controller.scene, self._controller.q
         self._joints = np.zeros((ticks, *self._q.shape))
         self._starts = self._joints_at(np.zeros(arms))
         self._goals = np.zeros((arms, 3))
@@ -178,6 +183,10 @@ class CoordinationSimulation:
         self._recorder.clear()
         if self.record:
             self._keep(nearest, np.zeros(self.arms))
+
+    @property
+    def _q(self) -> Floats:
+        return self._controller.q
 
     @property
     def lam(self) -> Floats:

@@ -216,7 +216,7 @@ def test_pybullet_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
 
 def test_many_environments_share_nothing_in_pybullet(lee1991: CoordinationCell) -> None:
     envs = [YieldingEnv(lee1991) for _ in range(8)]
-    clients = [env.simulation._scene.client for env in envs]  # type: ignore[union-attr]
+    clients = [env.simulation._controller.scene.client for env in envs]  # type: ignore[union-attr]
     assert len(set(clients)) == len(clients)
     for env in envs:
         env.close()
