@@ -28,19 +28,14 @@ from armtempo.envs.common._rewards import (
     progress_reward,
     time_reward,
 )
-from armtempo.envs.common._saved import SavedEnv
+from armtempo.envs.common._saved import SavedEnv, SavedEnvs
 from armtempo.envs.common._single_agent import SingleAgentEnv
 from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ideal_options, spread
 from armtempo.envs.common._vector_parts import (
     Chunks,
     Generators,
-    SavedBatch,
     Seeds,
-    check_same,
-    check_state,
-    copied,
     count_of,
-    put_state,
     sums_of,
     with_masks,
 )
@@ -50,18 +45,14 @@ __all__ = [
     "Chunks",
     "DrawnCells",
     "Generators",
-    "SavedBatch",
     "SavedEnv",
+    "SavedEnvs",
     "Seeds",
     "Slots",
     "VectorBase",
     "as_commands",
-    "check_same",
-    "check_state",
-    "copied",
     "families_of",
     "ideal_options",
-    "put_state",
     "sums_of",
     "with_masks",
     "BEGIN",

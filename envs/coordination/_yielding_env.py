@@ -161,8 +161,9 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
         return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
 
-    def _header(self) -> State:
-        return {**super()._header(), "learner": self._own}
+    def made_of(self) -> State:
+        """The cell's name, the options, and the number of the learning arm."""
+        return {**super().made_of(), "learner": self._own}
 
     @property
     def trace(self) -> CoordinationTrace:

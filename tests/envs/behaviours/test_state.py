@@ -16,12 +16,16 @@ import pytest
 from armtempo.envs import (
     PHYSICS,
     BlendTrackingEnv,
+    BlendTrackingVectorEnv,
     CoordinationEnv,
+    CoordinationVectorEnv,
     FeedbackIKEnv,
+    FeedbackIKVectorEnv,
     Physics,
     ShieldParallelWrapper,
     ShieldWrapper,
     YieldingEnv,
+    YieldingVectorEnv,
 )
 from armtempo.errors import ActionError, InputError
 from armtempo.planners import CoordinationCell, load_cell
@@ -195,7 +199,7 @@ def test_a_state_says_what_it_is_of_and_fits_nothing_else() -> None:
     for wrong, said in (
         ({"format": "armtempo-state-0"}, "the state's format is 'armtempo-state-0'"),
         ({"environment": "CoordinationEnv"}, "environment"),
-        ({"cell": "planar-four"}, "cell is 'planar-four', and this environment's is 'lee1991'"),
+        ({"cell": "planar-four"}, "cell is 'planar-four', and here it is 'lee1991'"),
         ({"episode.charged": "x"}, "'episode.charged'"),
         ({"episode.simulation.episodes.lam": np.zeros((1, 3))}, "'episode.simulation.episodes.lam'"),
         ({"surplus": 1}, "'surplus'"),
@@ -222,6 +226,44 @@ def test_a_state_says_what_it_is_of_and_fits_nothing_else() -> None:
         env.get_state()
     with pytest.raises(InputError, match="is closed"):
         env.set_state(state)
+
+
+VECTORS: dict[str, Callable[[], Any]] = {
+    "yielding": lambda: YieldingVectorEnv(3, _cell("lee1991"), shield=True, **DISTURBED),
+    "yielding behind vci": lambda: YieldingVectorEnv(3, _cell("lee1991"), others="vci"),
+    "yielding behind delay": lambda: YieldingVectorEnv(3, _cell("lee1991"), others="delay", autoreset_mode="SameStep"),
+    "cells": lambda: CoordinationVectorEnv([_cell("lee1991"), _cell("mixed-priority")], 4, threads=2, **DISTURBED),
+    "blend": lambda: BlendTrackingVectorEnv(3, family="zigzag", paths=2, max_episode_s=0.2),
+    "blend, a path for each": lambda: BlendTrackingVectorEnv(2, family="line-arc", max_episode_s=0.2, threads=2),
+    "ik": lambda: FeedbackIKVectorEnv(4, family="smooth", targets=2, max_episode_s=0.1, threads=2),
+    "ik, a target for each": lambda: FeedbackIKVectorEnv(2, family="near-singular", max_episode_s=0.1),
+}
+
+
+@pytest.mark.parametrize("name", list(VECTORS))
+def test_many_at_once_are_values_too(name: str) -> None:
+    env, other = VECTORS[name](), VECTORS[name]()
+    with pytest.raises(InputError, match="no state before a reset"):
+        env.get_state()
+    env.reset(seed=4)
+    _run_many(env, 4, 1)
+    state, copied, sent = env.get_state(), copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+    first = _run_many(env, 30, 2)
+    for _ in range(2):
+        env.set_state(state)
+        assert _run_many(env, 30, 2) == first
+    other.set_state(pickle.loads(pickle.dumps(state)))
+    for one in (other, copied, sent):
+        assert _run_many(one, 30, 2) == first
+        one.close()
+    with pytest.raises(InputError, match="the state's environment is 'x'"):
+        env.set_state({**state, "environment": "x"})
+    env.close()
+
+
+def _run_many(env: Any, steps: int, seed: int) -> list[bytes]:
+    random = np.random.default_rng(seed)
+    return [pickle.dumps(env.step(random.uniform(-1.0, 1.0, env.action_space.shape))) for _ in range(steps)]
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
