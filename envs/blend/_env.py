@@ -107,7 +107,7 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = ("family", "curve", "shape_factor", "remaining_distance_m")
 
-    changing = ("np_random", "_np_random_seed", "simulation", "_limit", "_charged", "_before", "_life")
+    changing: ClassVar[tuple[str, ...]] = (*SingleAgentEnv.changing, "_limit", "_charged", "_before")
 
     def __init__(
         self,

@@ -22,6 +22,7 @@ SimulationT = TypeVar("SimulationT", bound=Simulation[Cell, Trace[Any]])
 class SingleAgentEnv(SavedEnv, gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
     """The part of an environment of one agent that does not depend on its task; a subclass makes ``simulation``."""
 
+    changing: ClassVar[tuple[str, ...]] = ("np_random", "_np_random_seed", "simulation", "_life")
     reset_options: ClassVar[tuple[str, ...]]
     """Names of what ``reset`` may be given for one episode."""
 

@@ -171,7 +171,7 @@ class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = ("family",)
 
-    changing = ("np_random", "_np_random_seed", "simulation", "_limit", "_life")
+    changing = (*SingleAgentEnv.changing, "_limit")
 
     def __init__(
         self,
