@@ -224,7 +224,7 @@ def test_a_checkpoint_that_cannot_be_used_is_named(how: str, trained: Training, 
         case "foreign":
             torch.save({"weights": torch.zeros(3)}, path)
         case "later":
-            torch.save(content | {"version": 2}, path)
+            torch.save(content | {"version": 3}, path)
         case "emptied":
             torch.save(content | {"parameters": {}}, path)
     with pytest.raises(InputError, match="checkpoint") as caught:
