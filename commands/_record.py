@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,14 +20,14 @@ from armtempo.commands.console import (
     Output,
     Seed,
     check_seed,
-    default_folder,
     open_cell,
+    output_folder,
     read_kind_line,
     shown,
     silent_stdout,
 )
 from armtempo.errors import ArmtempoError, RenderError, UnknownNameError
-from armtempo.files import whole_file
+from armtempo.files import check_output, check_output_folder, whole_file
 
 Frame = NDArray[np.uint8]
 
@@ -75,8 +76,9 @@ def record(line: Sequence[str]) -> None:
 
     chosen_policies(policy, kind.policies, episodes=1)  # before a cell is opened, which may take a while
     output = Output(None)
+    target = output_folder(given.cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
+    (check_output if target.suffix else check_output_folder)(target)
     cell = open_cell(given.cell, output)
-    target = default_folder(cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
     # One picture per decision at most; fewer where the film would run faster than screens do.
     skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * cell.control_period * slow) - 1e-9))
     rate = 1.0 / (cell.control_period * slow * skip)
@@ -191,9 +193,11 @@ def film_writer(target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
 
 @contextmanager
 def _told_of(target: Path) -> Iterator[None]:
-    """What the encoder complains of becomes a RenderError."""
+    """What the encoder complains of becomes a RenderError; what the system does, of a full disk, is told as it is."""
     try:
         yield
-    except (RuntimeError, ImportError) as error:
+    except (RuntimeError, ImportError, OSError) as error:
+        if isinstance(error, OSError) and error.errno not in (None, errno.EPIPE):  # a pipe: to a process that died
+            raise
         reason = (str(error).splitlines() or ["unknown reason"])[0]
         raise RenderError(f"cannot write {target}: {reason}", remedy="end --out in .gif, or name a folder") from error
