@@ -60,12 +60,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     130: interrupted; 143: told to end by SIGTERM. Of the last two one line says how to go on, where that is possible.
     """
     line = sys.argv[1:] if argv is None else list(argv)
-    if line == ["--version"]:
-        sys.stdout.write(f"armtempo {__version__}\n")
-        return 0
     try:
         with _told_to_end():
             _run(line)
+        sys.stdout.flush()  # a full disk is told here, not when the process ends
     except SystemExit as stop:  # --help, or a line that tyro has complained about
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     except ArmtempoError as error:
@@ -88,7 +86,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(line: Sequence[str]) -> None:
     """The subcommand that the line names."""
-    if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
+    if line == ["--version"]:
+        sys.stdout.write(f"armtempo {__version__}\n")
+    elif line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
         tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
     elif line[:1] in (["evaluate"], ["record"]):  # their flags are those of the cell's kind
         (evaluate if line[0] == "evaluate" else record)(line[1:])

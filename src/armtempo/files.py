@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -30,11 +30,11 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     What is there and no file (``/dev/stdout``, a pipe) is written to as it is. An OSError names ``path``.
     """
-    if path.exists() and not path.is_file() and not path.is_dir():
-        yield path
-        return
     temporary: Path | None = None
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            yield path
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
         os.close(handle)
@@ -57,6 +57,8 @@ def check_output(file: str | Path) -> None:
     """Raise InputError unless a file can be written there, before the work whose outcome it is to hold."""
     path = Path(file)
     with _told_of(path):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # says what ``is_dir`` and the like do not: that a name is too long
         if path.is_dir():
             raise InputError(f"cannot write {path}: it is a folder", remedy="name a file")
         if path.is_file() or not path.exists():  # else a device or a pipe, which is written to as it is
@@ -67,6 +69,8 @@ def check_output_folder(folder: str | Path) -> None:
     """Raise InputError unless files can be written into a folder, which may not be there yet."""
     path = Path(folder)
     with _told_of(path):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()
         _try(path, [path, *path.absolute().parents])
 
 
