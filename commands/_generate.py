@@ -102,12 +102,12 @@ def _taken_over(out: Path, name: str) -> dict[str, Any] | None:
     labels = files.pop(LABELS)
     try:
         entry: dict[str, Any] = json.loads(labels.read_text(encoding="utf-8"))
-        stated = entry.pop(DIGESTS, None)  # None: of an earlier version
-        found = {suffix: content_key([file.read_bytes()]) for suffix, file in files.items()}
-        found[LABELS] = content_key([json.dumps(entry)])
+        stated = entry.pop(DIGESTS, None)  # None: of an earlier version, which ended here
+        found = {LABELS: content_key([json.dumps(entry)])}
+        found |= {suffix: content_key([file.read_bytes()]) for suffix, file in files.items()}
         changed = [suffix for suffix in found if stated is not None and stated.get(suffix) != found[suffix]]
-        entry["rejected"]
-    except (ValueError, KeyError, TypeError, AttributeError):
+        changed += [LABELS] if list(entry)[-1] != "rejected" else []
+    except (ValueError, IndexError, TypeError, AttributeError):
         changed = [LABELS]
     if changed:
         raise InputError(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,11 @@ from stable_baselines3.common.logger import Logger, configure
 LOGS = "tensorboard"
 
 
-def open_logs(folder: Path, sizes: Mapping[str, int]) -> Logger:
+@contextmanager
+def open_logs(folder: Path, sizes: Mapping[str, int]) -> Iterator[Logger]:
     """A logger into the folder of a training, whose older logs are cut to these sizes: what follows is logged again.
+
+    An OSError of the block names the folder, if it names nothing else: TensorBoard's thread tells of a full disk so.
 
     Args:
         folder: Of the training.
@@ -25,7 +30,23 @@ def open_logs(folder: Path, sizes: Mapping[str, int]) -> Logger:
             file.unlink()
         elif file.stat().st_size > sizes[file.name]:
             os.truncate(file, sizes[file.name])
-    return configure(str(folder / LOGS), ["tensorboard"])
+    logger = configure(str(folder / LOGS), ["tensorboard"])
+    before, threading.excepthook = threading.excepthook, _told_by_the_next_dump
+    try:
+        yield logger
+    except OSError as error:
+        error.filename = error.filename or str(folder)
+        raise
+    finally:
+        with suppress(OSError):  # of logs that were dumped before, nothing is left to be written
+            logger.close()
+        threading.excepthook = before
+
+
+def _told_by_the_next_dump(told: threading.ExceptHookArgs) -> None:
+    """What a thread that writes logs dies of is raised where the next ones are dumped, too."""
+    if told.exc_type is None or not issubclass(told.exc_type, OSError):
+        threading.__excepthook__(told)
 
 
 def log_sizes(folder: Path) -> dict[str, int]:

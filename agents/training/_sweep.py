@@ -6,6 +6,7 @@ import itertools
 import json
 import logging
 import math
+import os
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -160,7 +161,7 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
             if config.sampler == "tpe"
             else samplers.RandomSampler(seed=seed),
         )
-    except (ValueError, KeyError) as error:  # of lines that are not Optuna's
+    except (ValueError, LookupError, TypeError, AssertionError) as error:  # of lines that are not Optuna's
         raise InputError(
             f"{path}: a damaged journal: {' '.join(str(error).split())[:80]}",
             remedy="take its damaged lines out, or give another folder (--storage)",
@@ -179,16 +180,17 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
 
 def _take_cut_line_away(path: Path, lock: Any) -> None:
     """Without the end of its last line, which a full disk or a loss of power took, a journal takes no further ones."""
-    from optuna.storages.journal._file import get_lock_file
-
     if not path.is_file():
         return
-    with get_lock_file(lock), path.open("r+b") as journal:
-        data = journal.read()
+    lock.acquire()
+    try:
+        data = path.read_bytes()
         end = data.rfind(b"\n") + 1
         if end < len(data):
-            journal.truncate(end)
+            os.truncate(path, end)
             LOG.warning("%s: its last line was cut off and is taken away", path)
+    finally:
+        lock.release()
 
 
 def _suggest(trial: optuna.Trial, key: str, searched: SearchedNumber) -> SweepValue:

@@ -115,22 +115,18 @@ def _train(
     task = training_task(config)
     env = training_env(task)
     evaluator = task.evaluator()
-    logger = None
     try:
         _leave_undisturbed(env, task, 0)
         model = training_model(config, env)
-        logger = open_logs(folder, content.get("logs", {}))
-        model.set_logger(logger)
-        curve = restore(folder / CHECKPOINT, content, model) if resume else []
-        with HeldSignals() as signals:
+        with open_logs(folder, content.get("logs", {})) as logger, HeldSignals() as signals:
+            model.set_logger(logger)
+            curve = restore(folder / CHECKPOINT, content, model) if resume else []
             callback = EvaluationCallback(task, evaluator, folder, curve, signals, on_progress, on_row)
             left = config.total_steps - model.num_timesteps
             if left > 0:
                 model.learn(left, callback=callback, log_interval=1, reset_num_timesteps=not resume)
             agent = callback.finish(model)
     finally:
-        if logger is not None:
-            logger.close()
         evaluator.close()
         env.close()
     return Training(config=config, agent=agent, curve=curve, folder=folder)

@@ -10,6 +10,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from pathlib import Path
@@ -26,6 +27,7 @@ import torch
 
 from armtempo.agents import Training, evaluate, find_agent, train
 from armtempo.agents.training._checkpoint import read_checkpoint, save_checkpoint
+from armtempo.agents.training._logs import open_logs
 from armtempo.agents.training._signals import HeldSignals
 from armtempo.agents.training._train import EvaluationCallback
 from armtempo.commands import main
@@ -388,6 +390,29 @@ def test_a_full_disk_leaves_the_checkpoint_before(
     resumed = train(path, folder, resume=True)
     assert_same(weights(folder), weights(trained.folder))
     assert logged(resumed.folder) == logged(trained.folder)
+
+
+def test_logs_on_a_full_disk_are_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def full(writer: object, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def log_much() -> None:
+        with open_logs(tmp_path, {}) as logger:
+            logger.record("before", 1.0)
+            logger.dump(0)
+            monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+            while True:  # TensorBoard's thread dies; the next dump tells
+                logger.record("after", 1.0)
+                logger.dump(1)
+
+    hook = threading.excepthook
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        log_much()
+    assert caught.value.filename == str(tmp_path)
+    assert threading.excepthook is hook
+    assert capfd.readouterr().err == ""  # no traceback of the thread
 
 
 def test_no_damaged_checkpoint_is_taken(trained: Training, tmp_path: Path) -> None:
