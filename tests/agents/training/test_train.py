@@ -132,7 +132,7 @@ def weights(folder: Path) -> dict[str, Any]:
 
 def logged(folder: Path) -> dict[str, list[int]]:
     """The steps at which TensorBoard was told of each figure, over all logs of a training, as they are on the disk."""
-    from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
+    from tensorboard.backend.event_processing.event_file_loader import EventFileLoader  # type: ignore[import-untyped]
 
     steps: dict[str, list[int]] = {}
     for file in sorted((folder / "tensorboard").iterdir(), key=lambda file: file.stat().st_mtime_ns):
