@@ -96,7 +96,7 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
 def _arguments(given: Evaluate, cell: Any, options: Any) -> dict[str, Any]:
     """All that decides what policies come to."""
     return {
-        "cell": content_key([cell.config.model_dump_json(), *(arm.urdf.read_bytes() for arm in cell.arms)]),
+        "cell": content_key([repr(cell.config), *(arm.urdf.read_bytes() for arm in cell.arms)]),
         "policies": given.policies,
         "files": file_digests(given.policies),
         "episodes": given.episodes,

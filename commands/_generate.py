@@ -100,8 +100,9 @@ def _taken_over(out: Path, name: str) -> dict[str, Any] | None:
     if not all(file.is_file() for file in files.values()):
         return None
     labels = files.pop(LABELS)
+    entry: dict[str, Any] = {}
     try:
-        entry: dict[str, Any] = json.loads(labels.read_text(encoding="utf-8"))
+        entry = json.loads(labels.read_text(encoding="utf-8"))
         stated = entry.pop(DIGESTS, None)  # None: of an earlier version, which ended here
         found = {LABELS: content_key([json.dumps(entry)])}
         found |= {suffix: content_key([file.read_bytes()]) for suffix, file in files.items()}

@@ -109,15 +109,18 @@ def evaluate_kind(
             except InfeasibleError as error:
                 if policies is not None or not kind.may_refuse:
                     raise
-                refused[name] = _keep(continuation, name, "refused", str(error))
+                refused[name] = str(error)
+                _keep(continuation, name, "refused", refused[name])
                 continue
             if runner is not None and runner.env is not opened.env:
                 runner.close()
             runner = opened
             runs = run_episodes(runner, name, 1 if known else episodes, seed, on_episode)
             results[name] = kind.measure(cell, runs, seed)
-            numbers = known.get("numbers") or _keep(continuation, name, "numbers", numbers_of(results[name]))
-            results[name] = with_numbers(results[name], numbers)
+            if known:
+                results[name] = with_numbers(results[name], known["numbers"])
+            else:
+                _keep(continuation, name, "numbers", numbers_of(results[name]))
     finally:
         if runner is not None:
             runner.close()
@@ -139,10 +142,9 @@ def _known(continuation: Continuation | None, name: str) -> dict[str, Any]:
     return {} if continuation is None else continuation.kept.get(name) or {}
 
 
-def _keep(continuation: Continuation | None, name: str, what: str, value: Any) -> Any:
+def _keep(continuation: Continuation | None, name: str, what: str, value: Any) -> None:
     if continuation is not None:
         continuation.kept.put(name, {what: value})
-    return value
 
 
 def _told(kind: Kind[Any, OptionsT, Any, Any], options: OptionsT) -> dict[str, Any]:

@@ -82,8 +82,12 @@ class Kept:
         return self._values.get(unit)
 
     def put(self, unit: str, value: Any) -> Any:
-        """Keep a result, as JSON can hold it; returns what ``get`` will."""
-        text = _text([unit, value])
+        """Keep a result; returns what ``get`` will. One that JSON cannot hold is not kept."""
+        try:
+            text = _text([unit, value])
+        except TypeError as error:
+            LOG.warning("the result of %s is not kept: %s", unit, error)
+            return value
         self._write(text)
         self._values[unit] = json.loads(text)[1]
         return self._values[unit]
@@ -145,7 +149,13 @@ def file_digests(names: Sequence[str]) -> dict[str, str]:
 
 def _text(value: Any) -> str:
     """JSON that gives the same numbers back, infinity among them."""
-    return json.dumps(value, default=lambda one: one.tolist())
+
+    def plain(one: Any) -> Any:
+        if hasattr(one, "tolist"):
+            return one.tolist()
+        raise TypeError(f"{type(one).__name__} has no form in JSON")
+
+    return json.dumps(value, default=plain)
 
 
 def _digest(text: bytes) -> bytes:

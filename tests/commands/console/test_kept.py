@@ -53,6 +53,7 @@ def test_results_are_taken_over_and_gone_at_the_end() -> None:
         assert {unit: kept.result(unit, no_more) for unit in VALUES} == VALUES
         assert kept.result("three", lambda: (np.float64(0.1), np.arange(2))) == [0.1, [0, 1]]
         assert kept.get("three") == [0.1, [0, 1]]
+        assert kept.put("odd", {1j}) == {1j}  # JSON has no such thing
         assert file.read_bytes().count(b"\n") == 4
     assert not Path("results").exists()
     assert interrupted({}, {"seed": 1}) == ""
