@@ -27,9 +27,7 @@ CHECKPOINT_VERSION = 2
 _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
-def save_checkpoint(
-    path: Path, model: Any, config: dict[str, Any], curve: list[dict[str, Any]], *, cut: bool = True
-) -> None:
+def save_checkpoint(path: Path, model: Any, config: str, curve: list[dict[str, Any]], *, cut: bool = True) -> None:
     """Write where a training stands, between two rollouts.
 
     The environments go on from their state where they have one (``get_state``); where not, their episodes begin anew,
@@ -38,7 +36,7 @@ def save_checkpoint(
     Args:
         path: The file; logs for TensorBoard are beside it.
         model: The algorithm.
-        config: What it was made from; a training is resumed from the same alone, but for ``total_steps``.
+        config: What it was made from, JSON; a training is resumed from the same alone, but for ``total_steps``.
         curve: Rows of the learning curve so far.
         cut: Whether this is a place where every training of this configuration cuts its episodes off.
     """
@@ -50,7 +48,7 @@ def save_checkpoint(
     content = {
         "format": CHECKPOINT_FORMAT,
         "version": CHECKPOINT_VERSION,
-        "config": json.dumps(config, sort_keys=True),
+        "config": config,
         "curve": json.dumps(curve),
         "parameters": model.get_parameters(),
         "variables": {name: recursive_getattr(model, name).detach().clone() for name in names},
@@ -107,41 +105,55 @@ def _damaged(path: Path, what: str) -> InputError:
     return InputError(f"{path}: {what}", remedy="copy it again, or delete it and train again from the start")
 
 
-def checkpoint_for(path: Path, config: dict[str, Any]) -> dict[str, Any]:
+def checkpoint_for(path: Path, config: str) -> dict[str, Any]:
     """The contents of a checkpoint that a training of this configuration can go on from.
 
     Raises:
         InputError: As ``read_checkpoint``; it is of another configuration, or has gone further already.
     """
     content = read_checkpoint(path)
-    theirs = json.loads(content["config"])
-    if any(theirs.get(key) != config.get(key) for key in {*theirs, *config} - {"total_steps"}):
-        raise InputError(
-            f"{path}: made from another configuration or seed",
-            remedy="resume with the file and seed it was made from, or give another --output",
-        )
-    done, asked = content["counters"]["num_timesteps"], config["total_steps"]
-    if asked < done and asked != theirs["total_steps"]:
+    _check_config(path, content, config)
+    return content
+
+
+def _check_config(path: Path, content: dict[str, Any], config: str) -> None:
+    said = content.get("config")
+    if said == config:
+        return
+    other = InputError(
+        f"{path}: made from another configuration or seed",
+        remedy="resume with the file and seed it was made from, or give another --output",
+    )
+    try:
+        theirs, ours = json.loads(str(said)), json.loads(config)
+        theirs.pop("total_steps")
+        asked, done = ours.pop("total_steps"), int(content["counters"]["num_timesteps"])
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise other from error
+    if theirs != ours:
+        raise other
+    if asked < done:
         raise InputError(
             f"{path}: was trained for {done} steps already, and {asked} in all are asked for",
             remedy=f"give more than {done} --steps, or another --output",
         )
-    return content
 
 
-def restore(path: Path, content: dict[str, Any], model: Any) -> list[dict[str, Any]]:
+def restore(path: Path, content: dict[str, Any], model: Any, config: str) -> list[dict[str, Any]]:
     """Put a new model of the same configuration where the checkpoint stood; returns the curve so far.
 
     Raises:
-        InputError: Its contents do not fit.
+        InputError: It is of another configuration, or its contents do not fit.
     """
+    _check_config(path, content, config)
     try:
         return _restore(content, model)
-    except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, RuntimeError, AttributeError, ArithmeticError, AssertionError) as error:
         raise _damaged(path, f"a checkpoint that does not fit: {' '.join(str(error).split())[:80]}") from error
 
 
 def _restore(content: dict[str, Any], model: Any) -> list[dict[str, Any]]:
+    _check_finite([content["parameters"], content["variables"]])
     model.set_parameters(content["parameters"], exact_match=True, device="cpu")
     for name, value in content["variables"].items():
         recursive_setattr(model, f"{name}.data", value)
@@ -157,6 +169,8 @@ def _restore(content: dict[str, Any], model: Any) -> list[dict[str, Any]]:
         model.env.reset()
         model.env.set_state({name: _unpack(packed) for name, packed in content["env"].items()})
     model._last_obs = _unpack(content["last_obs"])
+    if not np.isfinite(model._last_obs).all():
+        raise ValueError("an observation is not finite")
     model._last_episode_starts = _unpack(content["episode_starts"])
     if content["replay"] is not None:
         _restore_replay(model.replay_buffer, content["replay"])
@@ -168,6 +182,16 @@ def _restore(content: dict[str, Any], model: Any) -> list[dict[str, Any]]:
     np.random.set_state(general)  # noqa: NPY002 - stable-baselines3 draws from it
     model.action_space.np_random.bit_generator.state = of_actions
     return curve
+
+
+def _check_finite(tree: Any) -> None:
+    """Raise ValueError where a tensor in mappings and lists holds a number that is not finite."""
+    if isinstance(tree, torch.Tensor):
+        if not bool(torch.isfinite(tree).all()):
+            raise ValueError("a weight is not finite")
+    else:
+        for one in tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list | tuple) else ():
+            _check_finite(one)
 
 
 def _begin_anew(model: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import shlex
 import time
 from collections.abc import Callable
@@ -120,7 +121,7 @@ def _train(
         model = training_model(config, env)
         with open_logs(folder, content.get("logs", {})) as logger, HeldSignals() as signals:
             model.set_logger(logger)
-            curve = restore(folder / CHECKPOINT, content, model) if resume else []
+            curve = restore(folder / CHECKPOINT, content, model, _said(config)) if resume else []
             callback = EvaluationCallback(task, evaluator, folder, curve, signals, on_progress, on_row)
             left = config.total_steps - model.num_timesteps
             if left > 0:
@@ -139,9 +140,9 @@ def _leave_undisturbed(env: Any, task: TrainingTask, steps: int) -> None:
         env.env_method("leave_undisturbed", share)
 
 
-def _said(config: TrainConfig) -> dict[str, Any]:
-    """A configuration as plain values, whatever the layout of its file."""
-    return config.model_dump(mode="json")
+def _said(config: TrainConfig) -> str:
+    """A configuration as text, whatever the layout of its file."""
+    return json.dumps(config.model_dump(mode="json"), sort_keys=True)
 
 
 def _header(task: TrainingTask, steps: int, curve: list[Row]) -> AgentHeader:

@@ -431,7 +431,14 @@ def test_no_damaged_checkpoint_is_taken(trained: Training, tmp_path: Path) -> No
     assert read_checkpoint(path)["counters"]["num_timesteps"] == 1024
 
 
-@pytest.mark.parametrize("how", ["nothing", "empty", "text", "short", "foreign", "later", "emptied"])
+def reseal(content: dict[str, Any], path: Path) -> None:
+    """As whoever means harm would."""
+    packed = io.BytesIO()
+    torch.save(content, packed)
+    write_sealed(path, packed.getvalue())
+
+
+@pytest.mark.parametrize("how", ["nothing", "empty", "text", "short", "foreign", "later", "emptied", "nan"])
 def test_a_checkpoint_that_cannot_be_used_is_named(how: str, trained: Training, tmp_path: Path) -> None:
     whole, path = (trained.folder / "checkpoint.pt").read_bytes(), tmp_path / "checkpoint.pt"
     content = torch.load(trained.folder / "checkpoint.pt", weights_only=True)
@@ -447,7 +454,10 @@ def test_a_checkpoint_that_cannot_be_used_is_named(how: str, trained: Training, 
         case "later":
             torch.save(content | {"version": 3}, path)
         case "emptied":
-            torch.save(content | {"parameters": {}}, path)
+            reseal(content | {"parameters": {}}, path)
+        case "nan":
+            content["parameters"]["policy"]["action_net.bias"].fill_(float("nan"))
+            reseal(content, path)
     with pytest.raises(InputError, match="checkpoint") as caught:
         train(trained.config, tmp_path, resume=True)
     assert str(path) in str(caught.value)
