@@ -44,7 +44,11 @@ def sweep(
         def on_trial(trial: agents.SweepTrial, finished: int) -> None:
             progress.update(task, completed=finished, description=f"Trial {trial.number}: {trial.objective:.4g}")
 
-        done = agents.sweep(chosen, folder, trials, objective=agents.training_gap, seed=seed, on_trial=on_trial)
+        try:
+            done = agents.sweep(chosen, folder, trials, objective=agents.training_gap, seed=seed, on_trial=on_trial)
+        except KeyboardInterrupt as stop:
+            stop.add_note(f"finished trials are kept in {folder}; the same line goes on, without the one it was at")
+            raise
     table = new_table(
         f"{chosen.name}: the best of {len(done)} trials of {chosen.total_steps} steps",
         "objective: gap to the certified bound [%], or minus 100 x the reward of one arm; lower is better",

@@ -143,7 +143,9 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "agents/ik/_training.py",
         "agents/training/_checkpoint.py",
         "agents/training/_extra.py",
+        "agents/training/_logs.py",
         "agents/training/_model.py",
+        "agents/training/_signals.py",
     ),
     "tests/commands/behaviours/test_commands.py": (
         "commands/_cells.py",

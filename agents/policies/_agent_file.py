@@ -4,6 +4,8 @@ Such a file holds numbers and one JSON text; reading it executes nothing that it
 
 ``header``               UTF-8 JSON: the fields of ``AgentHeader``, and ``version``
 ``weight_k``, ``bias_k`` float32, of layer k: (out, in) and (out,)
+
+Behind the archive stands a digest of it. Files of version 1 have none: the checksums inside the archive stand in.
 """
 
 from __future__ import annotations
@@ -21,13 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats32
 from armtempo.errors import InputError, UnknownNameError
-from armtempo.files import whole_file
+from armtempo.files import is_sealed, whole_file, write_sealed
 
 Algorithm = Literal["ppo", "sac", "tqc"]
 Learners = Literal["last", "all"]
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-VERSION = 1
+VERSION, VERSION_WITHOUT_DIGEST = 2, 1
 SHIPPED = Path(__file__).parents[1] / "shipped"
 ENVIRONMENT_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _ACTIVATIONS = ("tanh", "relu")
@@ -104,31 +106,38 @@ def save_agent(path: Path, agent: Agent) -> None:
     arrays: dict[str, Any] = {"header": np.frombuffer(header.encode(), dtype=np.uint8)}
     for k, (weight, bias) in enumerate(agent.layers):
         arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight.astype(np.float32), bias.astype(np.float32)
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+    packed = io.BytesIO()
+    np.savez(packed, **arrays)
+    with whole_file(path) as temporary:
+        write_sealed(temporary, packed.getbuffer())
 
 
 def load_agent(path: Path) -> Agent:
     """Read an agent.
 
     Raises:
-        InputError: There is no such file, it cannot be read as an agent, or a later armtempo made it.
+        InputError: There is no such file, it cannot be read as an agent, a bit of it is not as it was written, or a
+            later armtempo made it.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such agent file", remedy="give the path of a .npz that armtempo train wrote")
     remedy = "copy it again, or train the agent again with the command of its making"
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+        stream = io.BytesIO(path.read_bytes())
+        sealed = is_sealed(stream)
+        with np.load(stream, allow_pickle=False) as data:
             arrays = {name: data[name] for name in data.files}
         if "header" not in arrays:
             raise ValueError("it has no header")
         header = json.loads(arrays["header"].tobytes().decode())
         version = header.pop("version", None) if isinstance(header, dict) else None
+        if version == VERSION and not sealed:
+            raise ValueError("its digest is not that of its content")
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: not an agent file, or a damaged one: {_short(error)}", remedy=remedy) from error
-    if version != VERSION:
+    if version not in (VERSION, VERSION_WITHOUT_DIGEST):
         raise InputError(
-            f"{path}: an agent file of version {version}, and this armtempo reads version {VERSION}",
+            f"{path}: an agent file of version {version}, and this armtempo reads up to version {VERSION}",
             remedy="use the armtempo that wrote it, or train the agent again",
         )
     wrong = _complaint(header, arrays)

@@ -53,7 +53,7 @@ class TrainConfig(FileModel):
     total_steps: Count = 1_000_000
     """Agent steps of the whole training."""
     checkpoint_every_steps: Count = 200_000
-    """Agent steps between two checkpoints."""
+    """Agent steps between two checkpoints; besides, there is one every half minute."""
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
     """Of everything that is drawn."""
     evaluation: EvaluationConfig = EvaluationConfig()

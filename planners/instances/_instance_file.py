@@ -135,8 +135,10 @@ def save_instance(file: Path, cell: CoordinationCell, labels: CellLabels, *, fam
         "labels": labels.record(),
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
-    with whole_file(file) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    packed = io.BytesIO()  # a full disk then leaves no open archive behind
+    np.savez_compressed(packed, **arrays)
+    with whole_file(file) as temporary:
+        temporary.write_bytes(packed.getbuffer())
 
 
 def load_instance(file: str | Path) -> Instance:

@@ -18,11 +18,10 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from armtempo.files import whole_file
+from armtempo.files import is_sealed, whole_file, write_sealed
 
 Arrays = dict[str, NDArray[Any]]
 
-DIGEST = 32  # bytes
 LOG = logging.getLogger(__name__)
 
 
@@ -63,27 +62,25 @@ def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
 
 def _read(file: Path) -> Arrays | None:
     try:
-        data = file.read_bytes()
+        with file.open("rb") as stream:
+            if is_sealed(stream):
+                with np.load(stream, allow_pickle=False) as archive:
+                    return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         return None
     except OSError as error:
         LOG.warning("cannot read %s: %s; its content is computed again", file, error)
         return None
-    content = data[DIGEST:]
-    if hashlib.blake2b(content, digest_size=DIGEST).digest() != data[:DIGEST]:
-        LOG.warning("%s is damaged; its content is computed again", file)
-        return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+    LOG.warning("%s is damaged, or of an earlier version; its content is computed again", file)
+    return None
 
 
 def _write(file: Path, arrays: Arrays) -> None:
     packed = io.BytesIO()
     named: dict[str, Any] = dict(arrays)
     np.savez_compressed(packed, **named)
-    content = packed.getvalue()
     try:
         with whole_file(file) as temporary:
-            temporary.write_bytes(hashlib.blake2b(content, digest_size=DIGEST).digest() + content)
+            write_sealed(temporary, packed.getbuffer())
     except OSError as error:
         LOG.warning("cannot write %s: %s; it will be computed again", file, error)
