@@ -188,9 +188,10 @@ class Scene:
 
     def read_joints(self, q: Floats, qd: Floats) -> None:
         """Write positions and speeds of all arms to ``q``, ``qd`` (A, n)."""
-        for i, (body, joints) in enumerate(zip(self.bodies, self.joints, strict=True)):
-            for j, state in enumerate(pybullet.getJointStates(body, joints, physicsClientId=self.client)):
-                q[i, j], qd[i, j] = state[0], state[1]
+        for body, joints, places, speeds in zip(self.bodies, self.joints, q, qd, strict=True):
+            states = pybullet.getJointStates(body, joints, physicsClientId=self.client)
+            places[: len(joints)] = [state[0] for state in states]
+            speeds[: len(joints)] = [state[1] for state in states]
 
     def apply_torque(self, torque: Floats) -> None:
         """Apply ``torque`` (A, n) for the next step and make it."""
