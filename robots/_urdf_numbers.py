@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from armtempo.robots._sizes import ANGLE_MAX, FORCE_MAX, INERTIA_MAX, LENGTH_MAX, LIMIT_MAX, MASS_MAX
@@ -66,29 +66,24 @@ def numbers_of(text: str) -> list[float]:
 
 def check_numbers(root: ET.Element, fail: Fail) -> None:
     """Let ``fail`` raise for the first number of a link or joint that is none, or there are too few or too many."""
-    for kind in ("link", "joint"):
-        for owner in root.findall(kind):
-            for where, element in _parts(owner):
+    for owner in root:
+        if owner.tag not in ("link", "joint"):
+            continue
+        for child in owner:
+            for element in child.iter():
                 for name, rule in RULES.get(element.tag, {}).items():
                     text = element.get(name)
-                    if text is None:
-                        problem = f"has a {where} without {name}" if rule.needed else ""
-                    else:
-                        wrong = _wrong(text, rule)
-                        problem = f"has {where[:-1]} {name}={_short(text)!r}>: {wrong}" if wrong else ""
-                    if problem:
+                    wrong = rule.needed if text is None else _wrong(text, rule)
+                    if wrong:
+                        where = f"<{child.tag}> " * (element is not child) + f"<{element.tag}"
+                        problem = (
+                            f"a {where}> without {name}"
+                            if text is None
+                            else f"{where} {name}={_short(text)!r}>: {wrong}"
+                        )
                         count = " or ".join(map(str, rule.counts))
                         remedy = f"give {count} finite number{'s' * (rule.counts != (1,))}, {rule.unit}"
-                        fail(f"{kind} {owner.get('name')!r}", problem, remedy)
-
-
-def _parts(owner: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """All elements of a link or joint, and how to call them: ``<collision> <origin>``."""
-    for child in owner:
-        yield f"<{child.tag}>", child
-        for element in child.iter():
-            if element is not child:
-                yield f"<{child.tag}> <{element.tag}>", element
+                        fail(f"{owner.tag} {owner.get('name')!r}", f"has {problem}", remedy)
 
 
 def _short(text: str) -> str:
