@@ -95,7 +95,8 @@ class LineSpeedCertificate:
     @property
     def ratio_max(self) -> float:
         """The worst of the four ratios."""
-        return max(self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, self.normal_ratio_max)
+        ratios = (self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, self.normal_ratio_max)
+        return float(np.max(ratios))  # NaN stays NaN
 
 
 @njit

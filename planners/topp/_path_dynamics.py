@@ -34,6 +34,7 @@ from armtempo.robots import Arm, kernels
 
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
 STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
+NUMBER_MAX = 1e60  # of a coefficient: products of several must not overflow
 SpeedCap = float | Callable[[Floats], ArrayLike]
 
 
@@ -124,9 +125,10 @@ def _read_limits(
 def _check_numbers(rows: dict[str, Floats], limits: dict[str, Floats]) -> None:
     """Refuse coefficients and limits that are no numbers or contradict each other."""
     for name, value in rows.items():
-        if not np.isfinite(value).all():
-            k = int(np.argwhere(~np.isfinite(value))[0][0])
-            raise InputError(f"{name} is not finite at row {k}", row=k)
+        good = np.abs(value) <= NUMBER_MAX
+        if not good.all():
+            k = int(np.argwhere(~good)[0][0])
+            raise InputError(f"{name} is not finite at row {k}, or beyond {NUMBER_MAX:g}", row=k)
     if any(np.isnan(value).any() for value in limits.values()):
         raise InputError("torque_min, torque_max and speed_max must not hold NaN")
     if (limits["speed_max"] < 0.0).any():
@@ -226,11 +228,13 @@ class PathDynamics:
 
         Raises:
             InputError: An argument is out of range.
+            PathError: The path is not finite, or not one of this arm.
         """
         if intervals < 1 or not 0.0 <= torque_reserve < 1.0:
             raise InputError(
                 f"intervals must be at least 1 and torque_reserve in [0, 1), got {intervals} and {torque_reserve}"
             )
+        path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
         jumps = np.union1d(path.breakpoints[1:-1], turns)
         stations = path.length * _graded(intervals)
@@ -247,10 +251,10 @@ class PathDynamics:
         cls, arm: Arm, path: AbstractJointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
     ) -> PathDynamics:
         """On a given grid, in which stations where coefficients jump appear twice."""
-        q, dq, ddq = path.evaluate(grid)
+        q, dq, ddq = path.sampled(grid, arm.dof)
         sign = moving(dq)
         for k in np.flatnonzero(np.diff(grid) == 0.0):  # the first of the two rows belongs to the piece before
-            for rows, value in zip((q, dq, ddq), path.evaluate(grid[k], before=True), strict=True):
+            for rows, value in zip((q, dq, ddq), path.sampled(grid[k], arm.dof, before=True), strict=True):
                 rows[k] = value
             sign[k], sign[k + 1] = sign[k - 1], sign[k + 2]
         M, Q, R, S = _coefficients(arm, q, dq, ddq, sign)

@@ -128,7 +128,7 @@ def watch(
         ran = ticks
         for k in range(ticks):
             episodes.smallest[e] = min(episodes.smallest[e], clearance[e - first, k])
-            if clearance[e - first, k] < d_min:  # it ends here: back to where the arms were
+            if not clearance[e - first, k] >= d_min:  # it ends here: back to where the arms were
                 ran = k + 1
                 episodes.violated[e] = True
                 for i in range(episodes.lam.shape[1]):
