@@ -205,7 +205,10 @@ class Arm:
 
     def _rows(self, values: ArrayLike, what: str) -> tuple[Floats, tuple[int, ...]]:
         """A contiguous, writable copy (N, n), so that every kernel is compiled once only; and the leading axes."""
-        array = np.array(values, dtype=np.float64, order="C")
+        try:
+            array = np.array(values, dtype=np.float64, order="C")
+        except (TypeError, ValueError, OverflowError):
+            array = np.array(math.nan)
         if array.ndim == 0 or array.shape[-1] != self.dof:
             raise RobotError(
                 f"arm {self.name!r}: {what} has shape {array.shape}",
@@ -264,7 +267,10 @@ class Arm:
 
         Friction is ``damping * qd + coulomb * sign(qd)``: a joint at rest has none.
         """
-        given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
+        try:
+            given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
+        except (TypeError, ValueError, OverflowError) as error:
+            raise RobotError(f"arm {self.name!r}: q, qd, qdd are not numbers", remedy="give (..., n)") from error
         try:
             given = [np.broadcast_to(array, np.broadcast_shapes(*(a.shape for a in given))) for array in given]
         except ValueError as error:

@@ -344,7 +344,10 @@ class Clearance:
     def _set(self, i: int, q: ArrayLike) -> None:
         if not 0 <= i < len(self._q_of):
             self._unknown((i,))
-        array = np.asarray(q, dtype=np.float64)
+        try:
+            array = np.asarray(q, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            array = np.array(math.nan)
         if array.shape != (self._dof[i],):
             raise RobotError(
                 f"arm {self._arm_names[i]!r}: q has shape {array.shape}",

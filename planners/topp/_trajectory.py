@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, all_finite
 from armtempo.errors import InfeasibleError, InputError, PathError
+from armtempo.planners.geometry import floats
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
@@ -69,7 +70,7 @@ class PhaseTrajectory:
 
     def __post_init__(self) -> None:
         for name in ("lam", "mu", "time"):
-            value = np.array(getattr(self, name), dtype=np.float64)
+            value = floats(getattr(self, name), name)
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         rows = (self.lam, self.mu, self.time)
@@ -122,7 +123,7 @@ class PhaseTrajectory:
 
     def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """``lam``, ``mu``, ``mu_dot`` at times ``t`` [s] (any shape); at rest before and after the motion."""
-        t = np.asarray(t, dtype=np.float64)
+        t = floats(t, "times", np.inf)
         inside = np.clip(t, 0.0, self.duration)
         i = np.clip(np.searchsorted(self.time, inside, side="right") - 1, 0, len(self.time) - 2)
         tau, u = inside - self.time[i], self.mu_dot[i]
