@@ -49,6 +49,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/robots/test_arm.py": (
         "robots/_kernels.py",
         "robots/_model.py",
+        "robots/_sizes.py",
     ),
     "tests/planners/blends/test_blend.py": (
         "planners/blends/_least_time.py",

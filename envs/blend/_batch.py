@@ -213,7 +213,7 @@ class BlendBatch(Batch):
         return np.asarray(TIME_LIMIT * durations if given is None else np.full_like(durations, given))
 
     def _left(self) -> Bools:
-        return np.asarray(self._episodes.contour_error > self.cell.contour_error_max)
+        return np.asarray(~(self._episodes.contour_error <= self.cell.contour_error_max))
 
     @property
     def observations(self) -> Floats32:

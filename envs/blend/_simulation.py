@@ -220,7 +220,7 @@ class BlendSimulation(Stateful):
                 tip=rows[:, 4:7], station=rows[:, 0], contour_error=rows[:, 1], line_speed=rows[:, 2],
                 arc_speed=rows[:, 3], torque=torque, demand=demand,
             )  # fmt: skip
-        self.left = self.contour_error > self.cell.contour_error_max
+        self.left = not self.contour_error <= self.cell.contour_error_max
         self._arrive()
         return rows[:, 2], rows[:, 1]
 
@@ -240,7 +240,7 @@ class BlendSimulation(Stateful):
         self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], near, self.tip)
         self.tip_speed = math.dist(self.tip.tolist(), before) / tick
         self.arc_speed = (self.station - station) / tick
-        self.left = self.contour_error > self.cell.contour_error_max
+        self.left = not self.contour_error <= self.cell.contour_error_max
         self._arrive()
 
     def _arrive(self) -> None:

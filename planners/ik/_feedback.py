@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError, RobotError, check_keywords
-from armtempo.planners.geometry import PoseTarget, floats
+from armtempo.planners.geometry import PoseTarget, floats, number
 from armtempo.planners.ik._law import Law, Targets, law_at
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 from armtempo.planners.ik._track import track_many
@@ -71,7 +71,7 @@ class IKCaps:
 
     def __post_init__(self) -> None:
         for name in ("damping", "linear_speed_max", "angular_speed_max"):
-            value = getattr(self, name)
+            value = number(getattr(self, name), name)
             if not value > 0.0:
                 raise InputError(f"{name} = {value}", remedy="give a number > 0")
         if self.damping >= 1.0:
@@ -234,7 +234,7 @@ class FeedbackIK:
     ) -> None:
         check_keywords(FeedbackIK, caps, IKCapKeywords.__annotations__)
         limits = IKCaps(**caps)
-        if not 0.0 <= posture_gain < np.inf:
+        if not 0.0 <= number(posture_gain, "posture_gain") < np.inf:
             raise InputError(f"posture_gain = {posture_gain}", remedy="give a gain >= 0")
         if error not in ("axes", "quaternion"):
             raise InputError(f"error {error!r}", remedy="use 'axes' or 'quaternion'")

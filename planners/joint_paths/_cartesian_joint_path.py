@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import InputError, PathError, RobotError
-from armtempo.planners.geometry import PoseTarget, RangeMax
+from armtempo.planners.geometry import PoseTarget, RangeMax, floats
 from armtempo.planners.ik import FeedbackIK, IKGains, IKRun, SphericalWristIK
 from armtempo.planners.ik.kernels import LIMIT
 from armtempo.planners.joint_paths import _cartesian_joint_kernels as loops
@@ -90,7 +90,7 @@ class CartesianJointPath(AbstractJointPath):
             raise InputError(f"speed_min = {speed_min}", remedy="give a speed > 0")
         if not isinstance(task, str) or task not in ("auto", "pose", "position"):
             raise InputError(f"task {task!r}", remedy="use 'auto', 'pose' or 'position'")
-        first, rest = (np.array(q, dtype=np.float64) for q in (start, start if posture is None else posture))
+        first, rest = floats(start, "start"), floats(start if posture is None else posture, "posture")
         for name, q in (("start", first), ("posture", rest)):
             if q.shape != (arm.dof,) or not np.isfinite(q).all():
                 raise InputError(

@@ -63,7 +63,7 @@ def _vci(cell: CoordinationCell, order: tuple[int, ...], period: float | None = 
         if not cell.timing.is_free(motions):
             raise InfeasibleError(f"velocity control's motions in {cell.name!r} are not certified free")
         # its commands are not searched on the grid that the limits were refined for
-        if any(motion.certificate.excess > LIMIT_EXCESS_MAX for motion in motions):
+        if any(not motion.certificate.excess <= LIMIT_EXCESS_MAX for motion in motions):
             raise InfeasibleError("velocity control's motions exceed a limit between stations", reason="grid")
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way

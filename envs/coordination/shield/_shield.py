@@ -302,7 +302,7 @@ class EpisodeShield(Stateful):
         change = float(self._change[i])
         info["shield"] = {"changed": change != 0.0, "change": change}
         if self._simulation.physics == "bullet":
-            info["shield_tube_exceeded"] = bool(self._simulation.tracking_error().max() > self._tube)
+            info["shield_tube_exceeded"] = not self._simulation.tracking_error().max() <= self._tube
         if over:
             info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])
             info["shield_change"] = float(self._sum[i])

@@ -190,7 +190,7 @@ def _may_start(world: World, draws: Draws, lam: Floats) -> bool:
             return False
     for p in range(world.clearance.shape[0]):
         i, j = world.clearance[p, 0], world.clearance[p, 1]
-        if tabulated_clearance(clearance_of(world, p), lam[i], lam[j]) < draws.apart:
+        if not tabulated_clearance(clearance_of(world, p), lam[i], lam[j]) >= draws.apart:
             return False
     return True
 

@@ -308,7 +308,7 @@ class CoordinationSimulation(Stateful):
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
-        if nearest < self._d_min:
+        if not nearest >= self._d_min:
             self.violated = True
             self._violations += 1
         if (self._episodes.arrival[0] <= self.time + 1e-12).any():
