@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 
+import platformdirs
 import tyro
 
 from armtempo import ArmtempoError, __version__
+from armtempo.cache import can_be_made, private_folder
 from armtempo.commands._cells import cells
 from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
@@ -46,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if line == ["--version"]:
         sys.stdout.write(f"armtempo {__version__}\n")
         return 0
+    _house_matplotlib()
     try:
         if line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
             tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
@@ -73,3 +77,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write("armtempo: interrupted\n")
         return 130
     return 0
+
+
+def _house_matplotlib() -> None:
+    """Where the home cannot be written: matplotlib would complain, and look for its fonts anew each time."""
+    private = private_folder()
+    if private is not None and not can_be_made(platformdirs.user_config_path("matplotlib")):
+        os.environ.setdefault("MPLCONFIGDIR", str(private / "matplotlib"))
