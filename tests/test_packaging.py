@@ -57,6 +57,19 @@ def test_pyproject_ships_every_folder() -> None:
     assert set(wheel["exclude"]) == {f"/src/armtempo/{folder}" for folder in FOLDERS}
 
 
+def test_every_dependency_has_one_lower_bound_for_make_lowest_to_install() -> None:
+    run = subprocess.run(
+        [sys.executable, ROOT / "tests/lowest.py", "rl", "sweep"], capture_output=True, text=True, check=True
+    )
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    declared = [
+        *project["dependencies"],
+        *(one for extra in ("rl", "sweep") for one in project["optional-dependencies"][extra]),
+    ]
+    bounds = [one.partition(",")[0].replace(">=", "==") for one in declared]
+    assert run.stdout.splitlines() == bounds
+
+
 def test_git_ignores_no_package_data() -> None:
     files = [str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file()]
     files = [file for file in files if "__pycache__" not in file]

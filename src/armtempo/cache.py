@@ -1,7 +1,7 @@
 """A per-user cache on disk, by content: the key is a hash of everything that decides the answer.
 
-``ARMTEMPO_CACHE`` names another folder, or is ``off``; without a home that can be written it is among the temporary files.
-Files may be deleted at any time. They are written beside their
+``ARMTEMPO_CACHE`` names another folder, or is ``off``; without a home that can be written it is among the temporary
+files. Files may be deleted at any time. They are written beside their
 place and moved there; one that is damaged is ignored and written anew.
 """
 

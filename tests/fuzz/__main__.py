@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz``: tries damaged inputs, prints a table of what came of them, ends with 1 if one was a fault."""
+"""``python -m tests.fuzz``: tries damaged inputs, prints what came of them, ends with 1 if one was a fault."""
 
 from __future__ import annotations
 
@@ -71,10 +71,9 @@ def main() -> int:
         numbers = range(given.first, given.first + max(1, given.count * share // shares))
         with tempfile.TemporaryDirectory() as folder:
             outcomes.append(fuzz(name, start, numbers, given.seed, given.kept.resolve(), Path(folder)))
-        for kind, at in outcomes[-1].faults.items():
-            one = outcomes[-1]
-            print(f"FAULT {name}: {kind}: {len(at)} inputs, the first is {at[0]}: {one.files[kind]}\n      {one.details[kind]}")  # noqa: T201
-    print(summary(outcomes))  # noqa: T201
+        sys.stdout.write(outcomes[-1].told())
+        sys.stdout.flush()
+    sys.stdout.write(f"{summary(outcomes)}\n")
     if given.json is not None:
         given.json.write_text(json.dumps([asdict(one) for one in outcomes]), encoding="utf-8")
     return int(any(one.faults for one in outcomes))

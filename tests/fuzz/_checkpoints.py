@@ -70,7 +70,9 @@ class CheckpointFuzzer:
             except ValueError:
                 content[key] = pick(random, WORDS)
         else:
-            content = damaged_tree(random, dict(content), (*VALUES, *WORDS, torch.zeros(2), torch.full((3,), torch.nan)))
+            content = damaged_tree(
+                random, dict(content), (*VALUES, *WORDS, torch.zeros(2), torch.full((3,), torch.nan))
+            )
         out = io.BytesIO()
         torch.save(content, out)
         return out.getvalue()
@@ -115,7 +117,9 @@ def _spoilt_tensor(random: Random, content: Any) -> Any:
             tensor = tensor.to(pick(random, (torch.float64, torch.int64, torch.uint8)))
         case _:
             raw = tensor.contiguous().view(-1)
-            tensor = raw if random.random() < 0.3 else torch.randint(0, 255, raw.shape).to(tensor.dtype).view(tensor.shape)
+            tensor = (
+                raw if random.random() < 0.3 else torch.randint(0, 255, raw.shape).to(tensor.dtype).view(tensor.shape)
+            )
     where[key] = tensor
     return content
 

@@ -28,21 +28,30 @@ evaluation: {episodes: 0}
 ppo: {rollout_steps: 4, batch_size: 8, epochs: 1}
 """
 LINES = (
-    "cells", "cells mine.yaml", "cells lee2006 --json -", "cells chung", "cells generate --out there --count 1 --seed 3",
-    "plan mine.yaml --methods delay vci --json out.json", "plan lee2006 --methods line-speed --export there --period 0.01",
+    "cells", "cells mine.yaml", "cells lee2006 --json -", "cells chung",
+    "cells generate --out there --count 1 --seed 3",
+    "plan mine.yaml --methods delay vci --json out.json",
+    "plan lee2006 --methods line-speed --export there --period 0.01",
     "plan short.yaml --methods law", "evaluate mine.yaml --policies delay --physics ideal --no-figures --seed 3",
     "evaluate lee2006 --policies line-speed --physics ideal --no-figures --family zigzag --episodes 2",
     "evaluate short.yaml --policies feedback --physics ideal --no-figures --json -",
-    "evaluate mine.yaml --policies ppo:lee1991 --physics ideal --no-figures --shield --start-phase 0 0.3 --disturbance any",
+    "evaluate mine.yaml --policies ppo:lee1991 --physics ideal --no-figures --shield --start-phase 0 0.3",
+    "evaluate mine.yaml --policies delay --physics ideal --no-figures --disturbance any --observation-noise 0.01",
     "plot mine.yaml --out there", "record mine.yaml --out there/a.gif --slow 0.1", "reproduce lee1991 --out there",
-    "train t.yaml --steps 8 --output there/t --seed 1", "train t.yaml --resume --output there/u", "sweep lee1991 --storage there/s",
-    "bench agents", "bench coordination", "bench arms", "--version", "--help", "evaluate --help", "plan mine.yaml --help",
+    "train t.yaml --steps 8 --output there/t --seed 1", "train t.yaml --resume --output there/u",
+    "sweep lee1991 --storage there/s",
+    "bench agents", "bench coordination", "bench arms", "--version", "--help", "evaluate --help",
+    "plan mine.yaml --help",
 )  # fmt: skip
 OWN = (
-    "--json", "--out", "--seed", "--episodes", "--policies", "--methods", "--steps", "--resume", "--shield", "--shield-tube",
-    "--physics", "--physic", "--model-error", "--master-late", "--max-episode", "--count", "--family", "--", "-", "-h", "--no-figures",
-    "-1", "--seed=-1", "--episodes=1e3", "--master-late=nan", "--slow", "--output", "/dev/full", "/proc/nohome/x", "there", "mine.yaml",
-    "t.yaml", "lee2006", "chung", "sac:lee1991", "ppo:nowhere", "ppo:t.yaml", "ppo:mine.npz", "random", "delay", "optimal", "None",
+    "--json", "--out", "--seed", "--episodes", "--policies", "--methods", "--steps", "--resume", "--shield",
+    "--shield-tube",
+    "--physics", "--physic", "--model-error", "--master-late", "--max-episode", "--count", "--family", "--", "-",
+    "-h", "--no-figures",
+    "-1", "--seed=-1", "--episodes=1e3", "--master-late=nan", "--slow", "--output", "/dev/full", "/proc/nohome/x",
+    "there", "mine.yaml",
+    "t.yaml", "lee2006", "chung", "sac:lee1991", "ppo:nowhere", "ppo:t.yaml", "ppo:mine.npz", "random", "delay",
+    "optimal", "None",
 )  # fmt: skip
 
 
@@ -61,7 +70,7 @@ class CommandFuzzer:
         (folder / "t.yaml").write_text(TRAINING, encoding="utf-8")
         (folder / "mine.npz").write_bytes(b"PK")
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        for line in LINES[:12]:
+        for line in LINES[:13]:
             with redirect_stdout(io.StringIO()):
                 assert main(line.split()) == 0, line  # compiles
 

@@ -22,8 +22,10 @@ assert armtempo.__version__  # importing armtempo is what registers the environm
 
 ODD: tuple[Any, ...] = (
     *VALUES, *WORDS, np.nan, np.array(np.nan), np.array([]), np.zeros((2, 2)), np.array([None]), np.array(["x"]),
-    np.array([1 + 2j]), np.array([1e400]), np.ones(1, dtype=np.bool_), np.ma.masked_array([1.0], [True]), (1,), {1}, b"\x00",
-    [[1], [1, 2]], np.float16(6e4), np.int8(-128), "1", "bullet", "ideal", (0.1, 0.2), (0.2, 0.1), (0.1,), [0.0, 0.3], range(3),
+    np.array([1 + 2j]), np.array([1e400]), np.ones(1, dtype=np.bool_), np.ma.masked_array([1.0], [True]), (1,), {1},
+    b"\x00",
+    [[1], [1, 2]], np.float16(6e4), np.int8(-128), "1", "bullet", "ideal", (0.1, 0.2), (0.2, 0.1), (0.1,), [0.0,
+    0.3], range(3),
     np.array([0.1, np.nan]), slice(1), Ellipsis, object, print, lambda: 1,
 )  # fmt: skip
 PERIODS = 6
@@ -32,7 +34,11 @@ PERIODS = 6
 
 def _options_of(env_id: str) -> dict[str, tuple[Any, ...]]:
     """Good values of an environment's keywords, by which odd ones stand among good ones."""
-    common: dict[str, tuple[Any, ...]] = {"physics": ("ideal", "bullet"), "max_episode_s": (None, 0.05, 1.0), "model_error": (0.0, 0.1)}
+    common: dict[str, tuple[Any, ...]] = {
+        "physics": ("ideal", "bullet"),
+        "max_episode_s": (None, 0.05, 1.0),
+        "model_error": (0.0, 0.1),
+    }
     if "Blend" in env_id:
         return common | {"profile": ("limit-aware",), "mapping": ("exact", "paper"), "family": ("given", "zigzag")}
     if "IK" in env_id:
@@ -93,7 +99,9 @@ class EnvironmentFuzzer:
             return {}
         given: dict[str, Any] = {}
         if random.random() < 0.5:
-            given["seed"] = pick(random, (0, 1, 2**31, 2**40, 10**60, -1, 1.5, "1", True, None, [1, 2, 3], [1], np.int64(3), np.nan))
+            given["seed"] = pick(
+                random, (0, 1, 2**31, 2**40, 10**60, -1, 1.5, "1", True, None, [1, 2, 3], [1], np.int64(3), np.nan)
+            )
         if random.random() < 0.7:
             odd = {name: pick(random, ODD) for name in RESET_OPTIONS if random.random() < 0.3}
             given["options"] = odd if random.random() < 0.9 else pick(random, ODD)

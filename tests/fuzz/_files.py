@@ -120,7 +120,8 @@ arms:
       inertia_kgm2: [0.001, 0.001, 0.001, 0, 0, 0]
       frame: {position_m: [0.05, 0, 0], rpy_rad: [0, 0, 0]}
       hull_m: [[0, 0, 0], [0.05, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]
-    limits: {torque_nm: [25, null], speed_rad_s: [10, 10], acceleration_rad_s2: [100, null], position_rad: [[-3, 3], null]}
+    limits:
+      {torque_nm: [25, null], speed_rad_s: [10, 10], acceleration_rad_s2: [100, null], position_rad: [[-3, 3], null]}
     friction: {viscous_nm_s_rad: [0.1, 0.1], coulomb_nm: [0.01, null]}
     path:
       waypoints_rad: [[0.1, 0.2], [0.5, -0.3], [0.9, 0.4]]
@@ -186,7 +187,8 @@ _WITH_MESHES = """<robot name="meshes">
     <inertial><origin xyz="0 0 0.1" rpy="0 0 0.1"/><mass value="2"/>
       <inertia ixx="0.02" ixy="0" ixz="0.001" iyy="0.02" iyz="0" izz="0.01"/></inertial>
     <collision><origin xyz="0 0 0.15"/><geometry><mesh filename="bar.stl" scale="1 1 1"/></geometry></collision>
-    <collision><origin xyz="0 0 0.15"/><geometry><mesh filename="package://any/bar.obj" scale="0.5 0.5 1"/></geometry></collision>
+    <collision><origin xyz="0 0 0.15"/>
+      <geometry><mesh filename="package://any/bar.obj" scale="0.5 0.5 1"/></geometry></collision>
   </link>
   <link name="two">
     <inertial><mass value="1"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>

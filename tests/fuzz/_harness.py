@@ -1,7 +1,7 @@
 """Runs fuzzers, each in a process of its own that has a clock and a limit of memory, and counts what comes of it.
 
-An input is *refused* by an ``ArmtempoError`` and *accepted* by anything finite. All else is a fault: another exception, ten
-seconds without an answer, a gigabyte more memory, a process that dies. Inputs that were a fault are kept as files.
+An input is *refused* by an ``ArmtempoError`` and *accepted* by anything finite. All else is a fault: another exception,
+ten seconds without an answer, a gigabyte more memory, a process that dies. Inputs that were a fault are kept as files.
 """
 
 from __future__ import annotations
@@ -75,15 +75,21 @@ class Outcome:
     def fault_count(self) -> int:
         return sum(map(len, self.faults.values()))
 
+    def told(self) -> str:
+        """One paragraph per kind of fault."""
+        return "".join(
+            f"FAULT {self.name}: {kind}: {len(at)} inputs, the first is {at[0]}: {self.files[kind]}\n"
+            f"      {self.details[kind]}\n"
+            for kind, at in self.faults.items()
+        )
+
 
 def random_of(name: str, seed: int, number: int) -> np.random.Generator:
     """The draws of one input: they depend on nothing but its fuzzer, seed and number."""
     return np.random.default_rng([seed, zlib.crc32(name.encode()), number])
 
 
-def fuzz(
-    name: str, start: Callable[[Path], Fuzzer], numbers: range, seed: int, kept: Path, folder: Path
-) -> Outcome:
+def fuzz(name: str, start: Callable[[Path], Fuzzer], numbers: range, seed: int, kept: Path, folder: Path) -> Outcome:
     """Try the inputs with these numbers; faults are written to ``kept``, work is done in ``folder``."""
     outcome, todo = Outcome(name), list(numbers)
     began = time.perf_counter()
@@ -115,7 +121,13 @@ def _note(outcome: Outcome, kept: Path, number: int, kind: str, detail: str, con
 
 
 def _run_process(
-    name: str, start: Callable[[Path], Fuzzer], numbers: list[int], seed: int, kept: Path, folder: Path, outcome: Outcome
+    name: str,
+    start: Callable[[Path], Fuzzer],
+    numbers: list[int],
+    seed: int,
+    kept: Path,
+    folder: Path,
+    outcome: Outcome,
 ) -> tuple[int, bool]:
     """How many inputs a new process has answered for, and whether another one was too much for it."""
     read, write = os.pipe()
@@ -240,7 +252,9 @@ def _limit_memory() -> None:
 
 def summary(outcomes: list[Outcome]) -> str:
     """The table that is printed."""
-    head = f"{'fuzzer':<14}{'inputs':>8}{'refused':>9}{'accepted':>10}{'faults':>8}{'kinds':>7}{'s':>7}{'slowest s':>11}"
+    head = (
+        f"{'fuzzer':<14}{'inputs':>8}{'refused':>9}{'accepted':>10}{'faults':>8}{'kinds':>7}{'s':>7}{'slowest s':>11}"
+    )
     rows = [
         f"{one.name:<14}{one.inputs:>8}{one.refused:>9}{one.accepted:>10}{one.fault_count:>8}{len(one.faults):>7}"
         f"{one.seconds:>7.1f}{one.slowest_s:>11.2f}"

@@ -1,4 +1,4 @@
-"""Seeded damage: to bytes, text, trees of plain values, XML, and archives of arrays. The same generator, the same input."""
+"""Seeded damage: to bytes, text, trees of plain values, XML, archives of arrays. The same generator, the same input."""
 
 from __future__ import annotations
 
@@ -18,18 +18,22 @@ from numpy.typing import NDArray
 Random = np.random.Generator
 
 NUMBERS = (
-    "nan", ".nan", "inf", "-inf", ".inf", "1e308", "-1e308", "1e999", "-0", "-0.0", "0", "1e-320", "9" * 60, "-" + "9" * 60,
+    "nan", ".nan", "inf", "-inf", ".inf", "1e308", "-1e308", "1e999", "-0", "-0.0", "0", "1e-320", "9" * 60,
+    "-" + "9" * 60,
     "1e30", "-1", "2147483648", "9223372036854775808", "", "025", "0x1F", "0o17", "1_000", "12:30", "1,5", "١٢", "--1",
     "1e", "+.5", "true", "null", "~",
 )  # fmt: skip
 WORDS = (
-    "", " ", "\x00", "~", "~nosuchuser", "~nosuchuser/a.urdf", "..", "/", "/dev/null", "/proc/self/mem", "é" * 40, "\ud7ff",
+    "", " ", "\x00", "~", "~nosuchuser", "~nosuchuser/a.urdf", "..", "/", "/dev/null", "/proc/self/mem", "é" * 40,
+    "\ud7ff",
     "\U0001f9be", "x" * 5000, "%s%n", "{0}", "[/]", "[bold]", "a: b", "- a", "&a *a", "!!python/object:os.system", "<<",
     "\ufeff", "\r", "\t", "'", '"', "nan", "null", "true", "package://nowhere/a.stl", "lee1991", "sin(",
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
-    float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 1e30, -0.0, 0, 1, -1, 5e-324, 1e-12, 0.5, 10**60, -(10**60), 2**63,
-    2**31, 10**9, True, False, None, [], {}, [[]], [None], {"a": 1}, [1.0, 2.0], [1.0, 2.0, 3.0], [float("nan")] * 3, "025", "1.0",
+    float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 1e30, -0.0, 0, 1, -1, 5e-324, 1e-12, 0.5, 10**60,
+    -(10**60), 2**63,
+    2**31, 10**9, True, False, None, [], {}, [[]], [None], {"a": 1}, [1.0, 2.0], [1.0, 2.0, 3.0], [float("nan")] * 3,
+    "025", "1.0",
 )  # fmt: skip
 NUMBER = re.compile(rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 TOKEN = re.compile(rb"\w+|[^\w\s]")
@@ -193,7 +197,9 @@ def _damage_element(random: Random, root: ET.Element) -> None:
             parent.remove(child)
             pick(random, [one for one in root.iter() if one not in set(child.iter())]).append(child)
         case _:
-            child.tag = pick(random, [one.tag for one in root.iter()] + ["capsule", "mesh", "mimic", "box", "x", "xacro"])
+            child.tag = pick(
+                random, [one.tag for one in root.iter()] + ["capsule", "mesh", "mimic", "box", "x", "xacro"]
+            )
 
 
 def _attribute(random: Random, value: str) -> str:
@@ -248,12 +254,16 @@ def _damage_array(random: Random, arrays: dict[str, NDArray[Any]], name: str) ->
     match int(random.integers(7)):
         case 0 | 1 if array.size and array.dtype.kind == "f":
             array = array.copy()
-            array.reshape(-1)[int(random.integers(array.size))] = pick(random, (np.nan, np.inf, -np.inf, 3e38, -1.0, 0.0))
+            array.reshape(-1)[int(random.integers(array.size))] = pick(
+                random, (np.nan, np.inf, -np.inf, 3e38, -1.0, 0.0)
+            )
             arrays[name] = array
         case 2 if array.dtype.kind in "fiu":
             arrays[name] = array.astype(pick(random, ("f2", "f4", "f8", "i8", "u1", "c16", "U3", "?")))
         case 3:
-            shapes = [array[:0], array[:-1], array[None], array.reshape(-1), np.repeat(array, 2, 0)] if array.ndim else []
+            shapes = (
+                [array[:0], array[:-1], array[None], array.reshape(-1), np.repeat(array, 2, 0)] if array.ndim else []
+            )
             arrays[name] = pick(random, [*shapes, np.zeros(()), np.zeros((0, 3)), array.T])
         case 4:
             del arrays[name]
@@ -271,7 +281,9 @@ def _bomb(random: Random, arrays: Mapping[str, NDArray[Any]]) -> bytes:
             member = io.BytesIO()
             if name == chosen:
                 count = int(pick(random, (2**22, 2**28, 2**31, 2**40, 2**62, -1)))
-                np.lib.format.write_array_header_1_0(member, {"descr": "<f4", "fortran_order": False, "shape": (count,)})
+                np.lib.format.write_array_header_1_0(
+                    member, {"descr": "<f4", "fortran_order": False, "shape": (count,)}
+                )
                 member.write(b"\x00" * (2**24 if count == 2**22 else 64))
             else:
                 np.lib.format.write_array(member, array)

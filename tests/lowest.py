@@ -1,4 +1,4 @@
-"""Print the dependencies of pyproject.toml, each at the lowest version that it allows: `python .ci/lowest.py rl sweep`."""
+"""``python tests/lowest.py EXTRA...``: dependencies of pyproject.toml, each at the lowest version that it allows."""
 
 from __future__ import annotations
 
