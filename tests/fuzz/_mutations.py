@@ -90,8 +90,9 @@ def _replaced(random: Random, data: bytes, what: re.Pattern[bytes], by: Sequence
     found = list(what.finditer(data))
     if not found:
         return data
-    one = pick(random, found)
-    return data[: one.start()] + pick(random, by).encode("utf-8", "surrogatepass") + data[one.end() :]
+    start, end = pick(random, found).span()
+    word: str = pick(random, by)
+    return data[:start] + word.encode("utf-8", "surrogatepass") + data[end:]
 
 
 def _exchanged_tokens(random: Random, data: bytes) -> bytes:
@@ -99,8 +100,8 @@ def _exchanged_tokens(random: Random, data: bytes) -> bytes:
     if len(found) < 2:
         return data
     one, other = sorted(random.choice(len(found), 2, replace=False).tolist())
-    a, b = found[one], found[other]
-    return data[: a.start()] + b[0] + data[a.end() : b.start()] + a[0] + data[b.end() :]
+    (a, b), (c, d) = found[one].span(), found[other].span()
+    return data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:]
 
 
 def _lines(random: Random, data: bytes) -> bytes:
