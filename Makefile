@@ -16,6 +16,11 @@ LOWEST_PYTHON ?= python3.11
 # Inputs of `make fuzz`, of all fuzzers together
 COUNT ?= 100000
 SEED ?= 1
+# Tests of `make lowest`: what touches most packages, and needs no other oracle
+LOWEST_TESTS := tests/configs tests/robots/test_urdf.py tests/robots/test_shapes.py tests/planners/geometry \
+	tests/planners/instances/test_instance_file.py tests/agents/policies tests/agents/training/test_sweep.py \
+	tests/agents/training/test_train.py::test_a_training_leaves_curve_logs_checkpoint_and_agent \
+	tests/envs/behaviours/test_conformance.py tests/commands/console tests/commands/test_plan.py tests/test_cache.py
 # More arguments for pytest: make test ARGS="tests/configs -x"
 ARGS ?=
 # Test files go to as many processes as there are cores; WORKERS=0 keeps to one.

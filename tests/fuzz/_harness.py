@@ -1,7 +1,7 @@
 """Runs fuzzers, each in a process of its own that has a clock and a limit of memory, and counts what comes of it.
 
 An input is *refused* by an ``ArmtempoError`` and *accepted* by anything finite. All else is a fault: another exception,
-ten seconds of work without an answer, a gigabyte more memory, a process that dies. Inputs that were a fault are kept as files.
+ten seconds of work without an answer, a gigabyte more memory, a process that dies. Such inputs are kept as files.
 """
 
 from __future__ import annotations
@@ -258,7 +258,17 @@ def _limit_memory() -> None:
 
 def summary(outcomes: list[Outcome]) -> str:
     """The table that is printed."""
-    head = f"{'fuzzer':<14}{'inputs':>8}{'refused':>9}{'accepted':>10}{'faults':>8}{'kinds':>7}{'CPU s':>7}{'slowest s':>11}"
+    heads = {
+        "fuzzer": -14,
+        "inputs": 8,
+        "refused": 9,
+        "accepted": 10,
+        "faults": 8,
+        "kinds": 7,
+        "CPU s": 7,
+        "slowest s": 11,
+    }
+    head = "".join(name.ljust(-width) if width < 0 else name.rjust(width) for name, width in heads.items())
     rows = [
         f"{one.name:<14}{one.inputs:>8}{one.refused:>9}{one.accepted:>10}{one.fault_count:>8}{len(one.faults):>7}"
         f"{one.seconds:>7.1f}{one.slowest_s:>11.2f}"
