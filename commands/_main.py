@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 import threading
@@ -10,9 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
+import platformdirs
 import tyro
 
 from armtempo import ArmtempoError, __version__
+from armtempo.cache import can_be_made, private_folder
 from armtempo.commands._cells import cells
 from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
@@ -60,6 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     130: interrupted; 143: told to end by SIGTERM. Of the last two one line says how to go on, where that is possible.
     """
     line = sys.argv[1:] if argv is None else list(argv)
+    _house_matplotlib()
     try:
         with _told_to_end():
             _run(line)
@@ -116,3 +120,9 @@ def _told_to_end() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+def _house_matplotlib() -> None:
+    """Where the home cannot be written: matplotlib would complain, and look for its fonts anew each time."""
+    private = private_folder()
+    if private is not None and not can_be_made(platformdirs.user_config_path("matplotlib")):
+        os.environ.setdefault("MPLCONFIGDIR", str(private / "matplotlib"))

@@ -1,6 +1,7 @@
 """A per-user cache on disk, by content: the key is a hash of everything that decides the answer.
 
-``ARMTEMPO_CACHE`` names another folder, or is ``off``. Files may be deleted at any time. They are written beside their
+``ARMTEMPO_CACHE`` names another folder, or is ``off``; without a home that can be written it is among the temporary
+files. Files may be deleted at any time. They are written beside their
 place and moved there; one that is damaged is ignored and written anew.
 """
 
@@ -10,7 +11,10 @@ import hashlib
 import io
 import logging
 import os
+import stat
+import tempfile
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,36 @@ def cache_folder() -> Path | None:
     if named:
         return None if named.lower() == "off" else Path(named)
     folder = platformdirs.user_cache_path("armtempo", appauthor=False)
-    return folder if folder.is_absolute() else None  # no home
+    if folder.is_absolute() and can_be_made(folder):  # without a home it is not
+        return folder
+    private = private_folder()
+    return None if private is None else private / "cache"
+
+
+def can_be_made(folder: Path) -> bool:
+    """Whether a folder is there, or is now."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def private_folder() -> Path | None:
+    """A folder of this user's alone among the temporary files, for what a home would keep; None: there is no place.
+
+    Whoever could write there could have us run code, as numba's files are: somebody else's folder is not taken.
+    """
+    user = os.getuid()
+    try:
+        folder = Path(tempfile.gettempdir()) / f"armtempo-{user}"
+        folder.mkdir(mode=stat.S_IRWXU, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    shared = found.st_uid != user or found.st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    return folder if stat.S_ISDIR(found.st_mode) and not shared else None
 
 
 def content_key(parts: Iterable[object]) -> str:
