@@ -15,6 +15,7 @@ from armtempo.agents.training._checkpoint import read_checkpoint, restore, save_
 from armtempo.agents.training._model import training_model
 from armtempo.agents.training._tasks import training_env, training_task
 from armtempo.configs import load_train_config
+from tests.fuzz._files import sealed_again
 from tests.fuzz._finite import NotFiniteError
 from tests.fuzz._mutations import VALUES, WORDS, Random, damaged_bytes, damaged_tree, pick
 
@@ -55,9 +56,8 @@ class CheckpointFuzzer:
     def make(self, random: Random) -> tuple[str, bytes]:
         algorithm = pick(random, list(self._seeds))
         data = self._seeds[algorithm]
-        if random.random() < 0.6:
-            return algorithm, damaged_bytes(random, data)
-        return algorithm, self._damaged_content(random, data)
+        damage = damaged_bytes if random.random() < 0.5 else self._damaged_content
+        return algorithm, sealed_again(random, self._file.parent, damage(random, data))
 
     def _damaged_content(self, random: Random, data: bytes) -> bytes:
         content = torch.load(io.BytesIO(data), weights_only=True)
