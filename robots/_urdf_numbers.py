@@ -70,6 +70,8 @@ def check_numbers(root: ET.Element, fail: Fail) -> None:
         if owner.tag not in ("link", "joint"):
             continue
         for child in owner:
+            if child.tag == "visual":
+                continue  # not of the arm: what cannot be drawn is drawn as its collision shape
             for element in child.iter():
                 for name, rule in RULES.get(element.tag, {}).items():
                     text = element.get(name)
