@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 
 SEGMENT_LENGTH_MIN = 1e-9  # [m] a segment that is shorter is none
 ARC_FLATNESS_MIN = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
@@ -44,21 +44,23 @@ def floats(value: ArrayLike, name: str) -> Floats:
     """A copy of what a caller gave as numbers of one shape; nothing else passes."""
     try:
         return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers, got {value!r}".replace("\n", " ")) from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be numbers, got {brief(value)}") from None
 
 
 def _checked_part(low: float, high: float, length: float) -> None:
     """Refuse a piece that is empty, runs backwards or leaves its segment."""
     slack = SEGMENT_LENGTH_MIN * max(length, 1.0)
     if not (-slack <= low and low + SEGMENT_LENGTH_MIN <= high <= length + slack):
-        raise PathError(f"the piece {low!r} .. {high!r} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high")
+        raise PathError(
+            f"the piece {brief(low)} .. {brief(high)} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high"
+        )
 
 
 def _point(value: ArrayLike, name: str) -> Floats:
     point = floats(value, name)
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise PathError(f"{name} must be three finite coordinates in metres, got {value!r}")
+        raise PathError(f"{name} must be three finite coordinates in metres, got {brief(value)}")
     point.setflags(write=False)
     return point
 

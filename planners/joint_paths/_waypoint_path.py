@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 from armtempo.planners.geometry import RangeMax
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
+from armtempo.reading import MOST_MAGNITUDE
 from armtempo.robots import Arm, njit
 
 Ends = Literal["natural", "not-a-knot"]
@@ -71,7 +72,7 @@ class WaypointPath(AbstractJointPath):
             ("spacing", spacing, ("chord", "centripetal")),
         ):
             if value not in known:
-                raise InputError(f"{name} is {value!r}", remedy=f"give {' or '.join(known)}")
+                raise InputError(f"{name} is {brief(value)}", remedy=f"give {' or '.join(known)}")
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if steps.min() < WAYPOINT_DISTANCE_MIN:
             k = int(np.argmin(steps))
@@ -151,7 +152,10 @@ class WaypointPath(AbstractJointPath):
 
 def _checked(waypoints: ArrayLike, arm: Arm | None) -> Floats:
     try:
-        points = np.array(waypoints, dtype=np.float64)
+        points = np.array(waypoints)
+        if points.dtype.kind not in "iuf":
+            raise TypeError
+        points = points.astype(np.float64)
     except (TypeError, ValueError):
         raise InputError("waypoints are no table of numbers", remedy="give (K, n): one row per waypoint") from None
     if points.ndim != 2 or points.shape[1] < 1:
@@ -166,6 +170,10 @@ def _checked(waypoints: ArrayLike, arm: Arm | None) -> Floats:
     if not np.isfinite(points).all():
         k, joint = (int(v) for v in np.argwhere(~np.isfinite(points))[0])
         raise InputError(f"waypoint {k} is not finite at joint {joint}", remedy="give finite numbers", waypoint=k)
+    if (largest := float(np.abs(points).max())) > MOST_MAGNITUDE:
+        raise InputError(
+            f"waypoints of up to {largest:.4g}", remedy=f"give positions in rad or m, {MOST_MAGNITUDE:g} at most"
+        )
     return points
 
 
