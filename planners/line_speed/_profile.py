@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.robots import njit
 
 Reading = Literal["peak", "mean"]
@@ -61,7 +61,7 @@ class LineSpeedLimits:
         for name in self.__slots__:
             value = getattr(self, name)
             if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value > 0.0):
-                raise InputError(f"limit {name} must be a positive finite number, got {value!r}")
+                raise InputError(f"limit {name} must be a positive finite number, got {brief(value)}")
             object.__setattr__(self, name, float(value))
 
     @property
@@ -206,9 +206,9 @@ class LineSpeedProfile:
             InfeasibleError: No profile found (numbers too far apart).
         """
         if not (math.isfinite(length) and length > 0.0):
-            raise InputError(f"a line-speed profile needs a positive length, got {length!r}")
+            raise InputError(f"a line-speed profile needs a positive length, got {brief(length)}")
         if reading not in ("peak", "mean"):
-            raise InputError(f"unknown reading {reading!r} of the acceleration", remedy="'peak' or 'mean'")
+            raise InputError(f"unknown reading {brief(reading)} of the acceleration", remedy="'peak' or 'mean'")
         if reading == "mean":
             limits = replace(limits, acceleration=_peak(limits))
         from ruckig import InputParameter, Result, Ruckig, Trajectory
