@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import signal
 import sys
 import threading
@@ -23,6 +24,7 @@ from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
 from armtempo.commands.bench import BENCHES, bench
+from armtempo.errors import printable
 
 DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
 
@@ -60,6 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     130: interrupted; 143: told to end by SIGTERM. Of the last two one line says how to go on, where that is possible.
     """
     line = sys.argv[1:] if argv is None else list(argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # tables in a locale that lacks their characters
     try:
         with _told_to_end():
             _run(line)
@@ -67,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # --help, or a line that tyro has complained about
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     except ArmtempoError as error:
-        sys.stderr.write(f"armtempo: error: {' '.join(str(error).split())}\n")
+        _complain(str(error))
         return 2
     except BrokenPipeError:  # `armtempo ... | head`
         sys.stderr.close()
@@ -75,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         remedy = REMEDIES.get(error.errno or 0, "check the path and its permissions")
-        sys.stderr.write(f"armtempo: error: {where}{error.strerror or error} ({remedy})\n")
+        _complain(f"{where}{error.strerror or error} ({remedy})")
         return 2
     except KeyboardInterrupt as stop:
         notes = getattr(stop, "__notes__", [])
@@ -116,3 +120,7 @@ def _told_to_end() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"armtempo: error: {printable(' '.join(text.split()))}\n")

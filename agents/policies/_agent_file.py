@@ -10,6 +10,7 @@ Behind the archive stands a digest of it. Files of version 1 have none: the chec
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from dataclasses import asdict, dataclass, fields
