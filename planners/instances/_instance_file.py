@@ -5,6 +5,7 @@ One compressed npz per cell. The states of a chart take two bits per cell before
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence
