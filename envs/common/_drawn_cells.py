@@ -51,7 +51,7 @@ def families_of(family: str | Sequence[str]) -> tuple[str, ...]:
         return (family,)
     families = tuple(family) if isinstance(family, Sequence) else ()
     if not families:
-        raise InputError(f"family is {brief(family)}", remedy="give a name, or one at least")
+        raise InputError(f"there is no family in {brief(family)}", remedy="give one name at least")
     return families
 
 
