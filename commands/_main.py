@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import signal
 import sys
@@ -26,6 +27,7 @@ from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
 from armtempo.commands.bench import BENCHES, bench
+from armtempo.errors import printable
 
 DESCRIPTION = """When robot arms move along given paths: plan their timing, simulate it, compare.
 
@@ -64,6 +66,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     line = sys.argv[1:] if argv is None else list(argv)
     _house_matplotlib()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # tables in a locale that lacks their characters
     try:
         with _told_to_end():
             _run(line)
@@ -71,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # --help, or a line that tyro has complained about
         return stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 2
     except ArmtempoError as error:
-        sys.stderr.write(f"armtempo: error: {' '.join(str(error).split())}\n")
+        _complain(str(error))
         return 2
     except BrokenPipeError:  # `armtempo ... | head`
         sys.stderr.close()
@@ -79,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         remedy = REMEDIES.get(error.errno or 0, "check the path and its permissions")
-        sys.stderr.write(f"armtempo: error: {where}{error.strerror or error} ({remedy})\n")
+        _complain(f"{where}{error.strerror or error} ({remedy})")
         return 2
     except KeyboardInterrupt as stop:
         notes = getattr(stop, "__notes__", [])
@@ -121,8 +125,13 @@ def _told_to_end() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
+
 def _house_matplotlib() -> None:
     """Where the home cannot be written: matplotlib would complain, and look for its fonts anew each time."""
     private = private_folder()
     if private is not None and not can_be_made(platformdirs.user_config_path("matplotlib")):
         os.environ.setdefault("MPLCONFIGDIR", str(private / "matplotlib"))
+
+
+def _complain(text: str) -> None:
+    sys.stderr.write(f"armtempo: error: {printable(' '.join(text.split()))}\n")

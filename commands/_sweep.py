@@ -7,7 +7,16 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
+from armtempo.commands.console import (
+    TRAINING_SEED_MAX,
+    JsonFile,
+    Output,
+    check_count,
+    check_seed,
+    new_table,
+    number,
+    shown,
+)
 
 TABLE_ROWS = 10  # of the table: the best
 
@@ -32,7 +41,7 @@ def sweep(
         json_file: Write all trials there as JSON, the best first; "-" for nothing but JSON on stdout.
     """
     check_count("--trials", trials, 20)
-    check_seed(seed)
+    check_seed(seed, TRAINING_SEED_MAX)
     from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_sweep_config
 

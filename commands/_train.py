@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
+from armtempo.commands.console import (
+    TRAINING_SEED_MAX,
+    JsonFile,
+    Output,
+    check_count,
+    check_seed,
+    new_table,
+    number,
+    shown,
+)
 
 if TYPE_CHECKING:
     from armtempo.agents import Training
@@ -48,7 +57,7 @@ def train(
         steps: Agent steps in all: decisions of one learning arm.
         json_file: Write the learning curve there as JSON; "-" for nothing but JSON on stdout.
     """
-    check_seed(seed)
+    check_seed(seed, TRAINING_SEED_MAX)
     check_count("--steps", steps, 100000)
     from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_train_config

@@ -11,7 +11,7 @@ import numpy as np
 from armtempo.agents.evaluation._figures import numbers_of, result_of, with_numbers
 from armtempo.agents.evaluation._kind import CellT, Kind, OptionsT, ResultT, Runner, RunT, asked_options
 from armtempo.agents.policies import Policy, chosen_policies
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 
 TraceT_co = TypeVar("TraceT_co", covariant=True)
 OnEpisode = Callable[[str, int], None]
@@ -91,7 +91,7 @@ def evaluate_kind(
 ) -> Evaluation[CellT, OptionsT, ResultT]:
     """Run every policy for some episodes; see ``armtempo.agents.evaluate``."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed must be a whole number, 0 or more, got {seed!r}")
+        raise InputError(f"seed must be a whole number, 0 or more, got {brief(seed)}")
     results: dict[str, ResultT] = {}
     refused: dict[str, str] = {}
     runner: Runner[RunT] | None = None

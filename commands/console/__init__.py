@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.commands.console._flags import (
+    TRAINING_SEED_MAX,
     AllNames,
     CellName,
     DisturbanceName,
@@ -41,6 +42,7 @@ __all__ = [
     "Output",
     "PhysicsName",
     "Seed",
+    "TRAINING_SEED_MAX",
     "check_count",
     "check_period",
     "check_seed",

@@ -14,10 +14,12 @@ from armtempo import __version__
 from armtempo.cache import content_key
 from armtempo.errors import InputError
 from armtempo.files import locked
+from armtempo.reading import read_bytes, user_path, why_unreadable
 
 LOG = logging.getLogger(__name__)
 PARTIAL = Path("results") / "partial"
 DIGEST_BYTES = 16
+LARGEST_AGENT = 2**26  # bytes of its file
 
 
 @contextmanager
@@ -143,8 +145,12 @@ class Kept:
 
 def file_digests(names: Sequence[str]) -> dict[str, str]:
     """Of policies that are files of agents (``ppo:path/to/file.npz``), what is in them."""
-    files = {name: Path(name.partition(":")[2]).expanduser() for name in names if name.endswith(".npz")}
-    return {name: content_key([file.read_bytes()]) for name, file in files.items() if file.is_file()}
+    files = {name: user_path(name.partition(":")[2]) for name in names if name.endswith(".npz")}
+    return {
+        name: content_key([read_bytes(file, LARGEST_AGENT)])
+        for name, file in files.items()
+        if why_unreadable(file) is None
+    }
 
 
 def _text(value: Any) -> str:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from armtempo.errors import printable
 from armtempo.files import check_output, check_output_folder, whole_file
 
 if TYPE_CHECKING:
@@ -36,6 +37,17 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _as_json(value: Any, encoding: str | None) -> str:
+    """JSON in characters of this encoding, others as escapes: nothing is lost."""
+    numbers = plain(value)
+    text = json.dumps(numbers, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    try:
+        text.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+    return text
 
 
 class Output:
@@ -83,7 +95,7 @@ class Output:
         """Write ``value`` where ``--json`` said, if it did."""
         if self._json_file is None:
             return
-        text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        text = _as_json(value, sys.stdout.encoding if self._quiet else "utf-8")
         if self._quiet:
             sys.stdout.write(text)
             return
@@ -120,10 +132,10 @@ def silent_stdout() -> Iterator[None]:
 
 
 def shown(path: str | Path) -> str:
-    """A path as rich markup takes it literally."""
+    """A path, or a name of the user's, as rich markup takes it literally and a terminal may show it."""
     from rich.markup import escape
 
-    return escape(str(path))
+    return escape(printable(str(path)))
 
 
 def new_table(title: str, caption: str = "") -> Table:
@@ -154,7 +166,7 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 def open_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
-    with output.progress(LOADING_MESSAGE.format(name)):
+    with output.progress(LOADING_MESSAGE.format(shown(name))):
         from armtempo.planners import load_cell  # late: --help is to be quick
 
         return load_cell(name, None)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet, quiet
 from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
-from armtempo.errors import RenderError
+from armtempo.errors import RenderError, brief
 from armtempo.planners import Cell
 from armtempo.robots import Arm, Shape
 
@@ -48,8 +48,8 @@ pybullet.getCameraImage(8, 8, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
 
 def check_render_mode(mode: str | None) -> None:
     """Raise RenderError for a mode that does not exist."""
-    if mode not in (None, "human", "rgb_array"):
-        raise RenderError(f"unknown render_mode {mode!r}", remedy="use 'human', 'rgb_array' or None", mode=mode)
+    if not (mode is None or (isinstance(mode, str) and mode in ("human", "rgb_array"))):
+        raise RenderError(f"unknown render_mode {brief(mode)}", remedy="use 'human', 'rgb_array' or None", mode=mode)
 
 
 @functools.cache

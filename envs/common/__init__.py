@@ -6,7 +6,15 @@ from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, r
 from armtempo.envs.common._drawn_cells import DrawnCells, Slots, families_of
 from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
 from armtempo.envs.common._lifecycle import Lifecycle
-from armtempo.envs.common._options import check_bodies, check_names, check_time_limit, is_number, options_of
+from armtempo.envs.common._options import (
+    check_bodies,
+    check_flags,
+    check_names,
+    check_time_limit,
+    is_number,
+    options_of,
+    read_seed,
+)
 from armtempo.envs.common._random import (
     BEGIN,
     FAMILY,
@@ -72,6 +80,7 @@ __all__ = [
     "check_late",
     "check_names",
     "check_bodies",
+    "check_flags",
     "is_number",
     "options_of",
     "check_time_limit",
@@ -86,6 +95,7 @@ __all__ = [
     "progress_reward",
     "read_action",
     "read_actions",
+    "read_seed",
     "share",
     "spread",
     "time_reward",

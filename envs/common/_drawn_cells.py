@@ -8,8 +8,9 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.envs.common._options import read_seed
 from armtempo.envs.common._vector_parts import count_of
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.state import State, Stateful
 
 CellT = TypeVar("CellT")
@@ -46,9 +47,11 @@ def families_of(family: str | Sequence[str]) -> tuple[str, ...]:
     Raises:
         InputError: There is none.
     """
-    families = (family,) if isinstance(family, str) else tuple(family)
+    if isinstance(family, str):
+        return (family,)
+    families = tuple(family) if isinstance(family, Sequence) else ()
     if not families:
-        raise InputError("there is no family", remedy="give one at least")
+        raise InputError(f"there is no family in {brief(family)}", remedy="give one name at least")
     return families
 
 
@@ -90,12 +93,13 @@ class DrawnCells(Stateful, Generic[CellT]):
         what: str,
     ) -> None:
         count = episodes if number is None else count_of(number, what)
-        if not (isinstance(seed, int | np.integer) and seed >= 0):
-            raise InputError(f"{what[:-1]}_seed must be a whole number, 0 or more, got {seed!r}")
+        first = read_seed(seed, f"{what[:-1]}_seed")
+        if first is None:
+            raise InputError(f"{what[:-1]}_seed must be a whole number, 0 or more, got None")
         if number is not None and count < len(families):
             raise InputError(f"{count} {what} for {len(families)} families", remedy="draw one of each at least")
         given = set(families) == {"given"}
-        self._cell, self._families, self._draw, self._put, self._seed = cell, families, draw, put, seed
+        self._cell, self._families, self._draw, self._put, self._seed = cell, families, draw, put, first
         self.slots, self.beforehand = 1 if given else count, given or number is not None
         self.cells: list[CellT] = [cell] * self.slots
         self.made_of = {"families": tuple(families), what: number, f"{what[:-1]}_seed": int(seed)}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armtempo.envs.bodies import Renderer, Simulation, Trace, check_render_mode
 from armtempo.envs.common._options import check_names
-from armtempo.errors import ActionError, InputError, RenderError
+from armtempo.errors import ActionError, InputError, RenderError, brief
 from armtempo.planners import Cell
 from armtempo.state import Stateful
 
@@ -57,7 +57,9 @@ class Lifecycle(Stateful):
         self.check_open()
         given = {} if options is None else options
         if not isinstance(given, Mapping):
-            raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
+            raise InputError(
+                f"options must map names to values, got {brief(given)}", remedy=f"known: {', '.join(known)}"
+            )
         check_names(*(("reset option", name, known) for name in given if name not in ignored))
         return given
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from armtempo.envs.common._lifecycle import Lifecycle
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.state import STATE_FORMAT, State, Stateful
 
 
@@ -52,9 +52,12 @@ class SavedEnvs(Stateful):
                 is closed.
         """
         self._check_open()
+        given: object = state  # whatever the annotation says
+        if not isinstance(given, Mapping):
+            raise InputError(f"a state maps names to values, got {brief(given)}", remedy="give what get_state returned")
         for name, own in self.header().items():
-            if name not in state or state[name] != own:
-                said = f"{state[name]!r:.80}" if name in state else "missing"
+            if type(state.get(name)) is not type(own) or state[name] != own:
+                said = brief(state[name]) if name in state else "missing"
                 what = f"the state's {name} is {said}, and here it is {own!r:.80}"
                 raise InputError(what, remedy="make the environment with the same arguments")
         super().check_state(state)

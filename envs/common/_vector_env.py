@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Generic, TypeVar
@@ -14,10 +15,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.common._options import OptionsT, check_names, options_of
+from armtempo.envs.common._actions import finite_numbers
+from armtempo.envs.common._options import OptionsT, check_names, options_of, read_seed
 from armtempo.envs.common._saved import SavedEnvs
 from armtempo.envs.common._vector_parts import Seeds
-from armtempo.errors import ActionError, InputError
+from armtempo.errors import ActionError, InputError, brief
 from armtempo.state import State, Stateful
 
 
@@ -149,7 +151,9 @@ class VectorBase(SavedEnvs, VectorEnv[Floats32, Floats32, NDArray[Any]], Generic
         known = ("reset_mask", *self.reset_options)
         given = {} if options is None else options
         if not isinstance(given, Mapping):
-            raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
+            raise InputError(
+                f"options must map names to values, got {brief(given)}", remedy=f"known: {', '.join(known)}"
+            )
         check_names(*(("reset option", name, known) for name in given))
         mask = given.get("reset_mask")
         mask = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask
@@ -240,7 +244,7 @@ def ideal_options(
     options = options_of(kind, {"physics": "ideal", **keywords}, taker)
     physics = keywords.get("physics", "ideal")
     if physics != "ideal" or render_mode is not None:
-        what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"
+        what = f"physics {brief(physics)}" if physics != "ideal" else f"render_mode {brief(render_mode)}"
         raise InputError(
             f"many environments at once run without physics and pictures, got {what}",
             remedy='use physics="ideal", or gymnasium.make_vec(..., vectorization_mode="sync")',
@@ -252,15 +256,17 @@ def spread(seed: int | Sequence[int | None] | None, count: int) -> list[int | No
     """One seed per environment, as Gymnasium has it: ``seed + k``, or a sequence of them.
 
     Raises:
-        InputError: The sequence is not that long.
+        InputError: The sequence is not that long, or one is no seed.
     """
-    if seed is None:
-        return [None] * count
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + k for k in range(count)]
-    if len(seed) != count:
-        raise InputError(f"{len(seed)} seeds for {count} episodes", remedy="give one for each, or a single number")
-    return [None if one is None else int(one) for one in seed]
+    given: object = seed
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if isinstance(given, Sequence) and not isinstance(given, str | bytes):
+        if len(given) != count:
+            raise InputError(f"{len(given)} seeds for {count} episodes", remedy="give one for each, or a single number")
+        return [read_seed(one) for one in given]
+    first = read_seed(given)
+    return [None] * count if first is None else [first + k for k in range(count)]
 
 
 def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
@@ -270,8 +276,8 @@ def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
         InputError: It is neither.
     """
     known = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
-    if mode not in (*known, *(one.value for one in known)):
-        raise InputError(f"autoreset_mode is {mode!r}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
+    if not isinstance(mode, AutoresetMode | str) or mode not in (*known, *(one.value for one in known)):
+        raise InputError(f"autoreset_mode is {brief(mode)}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
     return AutoresetMode(mode)
 
 
@@ -281,13 +287,11 @@ def read_many(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
     Raises:
         ActionError: They are not finite numbers of that shape.
     """
-    try:
-        values = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError):  # not numbers at all
-        values = np.array(np.nan)
-    if values.shape != shape or not np.isfinite(values).all():
+    values = finite_numbers(actions, len(shape) * math.prod(shape))
+    if values is None or values.shape != shape:
+        got = brief(actions) if values is None else f"shape {values.shape}"
         raise ActionError(
-            f"actions must be finite numbers in an array of shape {shape}, got shape {values.shape}",
+            f"actions must be finite numbers in an array of shape {shape}, got {got}",
             remedy="clip them to [-1, 1] and replace NaN before step",
         )
     return np.clip(values, -1.0, 1.0)

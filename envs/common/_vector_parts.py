@@ -13,16 +13,17 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.state import State, Stateful
 
 Seeds = Sequence[int | None]
+MOST_THINGS = 10**7  # environments, threads, cells: more is a slip
 
 
 def count_of(number: int, what: str = "num_envs") -> int:
     """A number of things, one at least."""
-    if isinstance(number, bool) or not (isinstance(number, int | np.integer) and number > 0):
-        raise InputError(f"{what} must be a whole number above 0, got {number!r}")
+    if isinstance(number, bool) or not (isinstance(number, int | np.integer) and 0 < number <= MOST_THINGS):
+        raise InputError(f"{what} must be a whole number above 0, {MOST_THINGS} at most, got {brief(number)}")
     return int(number)
 
 

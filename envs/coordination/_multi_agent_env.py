@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
@@ -14,7 +15,15 @@ from pettingzoo import ParallelEnv
 
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
-from armtempo.envs.common import Lifecycle, SavedEnv, action_space, observation_space, options_of, read_action
+from armtempo.envs.common import (
+    Lifecycle,
+    SavedEnv,
+    action_space,
+    observation_space,
+    options_of,
+    read_action,
+    read_seed,
+)
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import (
@@ -24,7 +33,7 @@ from armtempo.envs.coordination.world import (
     CoordinationSimulation,
     CoordinationTrace,
 )
-from armtempo.errors import ActionError
+from armtempo.errors import ActionError, brief
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell
 
@@ -179,11 +188,12 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
 
         Raises:
             UnknownNameError: No such option.
-            InputError: ``options`` is no mapping, a value cannot be used, or the environment is closed.
+            InputError: The seed is none, ``options`` no mapping, a value cannot be used, or the environment is closed.
             InfeasibleError: The shield finds no way on from the starts of the paths.
         """
         self.agents = []
         given = self._life.begin(options, RESET_OPTIONS, ignored=(CHECKERS_OPTION,))
+        seed = read_seed(seed)
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
         drawn = self._episode.reset(self.np_random, seed is not None, given, self._shield)
@@ -206,6 +216,11 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
                 environment is closed.
         """
         self._life.check_running()
+        if not isinstance(actions, Mapping):
+            raise ActionError(
+                f"actions must map agents to their actions, got {brief(actions)}",
+                remedy=f"give one for each of {', '.join(self.agents)}",
+            )
         commands = self._full_speed.copy()  # an arm at its goal stays there
         for agent in self.agents:
             if agent not in actions:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, cast, final
 
 import gymnasium
@@ -50,10 +51,10 @@ class ShieldWrapper(_SavedShield, gymnasium.Wrapper[Floats32, Floats32, Floats32
     """
 
     def __init__(self, env: gymnasium.Env[Floats32, Floats32], tube_m: float = 0.0) -> None:
-        super().__init__(env)
-        below = env.unwrapped
+        below = getattr(env, "unwrapped", env)
         if not isinstance(below, YieldingEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a YieldingEnv")
+        super().__init__(env)
         self._below: YieldingEnv = below
         self.shield = below.make_shield(tube_m)
 
@@ -90,10 +91,10 @@ class ShieldParallelWrapper(_SavedShield, BaseParallelWrapper[str, Floats32, Flo
     """
 
     def __init__(self, env: ParallelEnv[str, Floats32, Floats32], tube_m: float = 0.0) -> None:
-        super().__init__(env)
-        below = env.unwrapped
+        below = getattr(env, "unwrapped", env)
         if not isinstance(below, CoordinationEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a CoordinationEnv")
+        super().__init__(env)
         self._below: CoordinationEnv = below
         self.shield = EpisodeShield(below.simulation, tube_m=tube_m)
 
@@ -107,6 +108,9 @@ class ShieldParallelWrapper(_SavedShield, BaseParallelWrapper[str, Floats32, Flo
 
     def step(self, actions: dict[str, Floats32]) -> tuple[Any, ...]:
         """As the environment's, with the actions that are let through."""
+        given: object = actions  # whatever the annotation says
+        if not isinstance(given, Mapping):
+            self.env.step(actions)  # it complains
         names = self._below.possible_agents
         commands = np.ones(len(names))  # who has arrived stays where it is
         for agent in self.env.agents:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Unpack, final
@@ -25,6 +25,7 @@ from armtempo.envs.common import (
     check_late,
     count_of,
     ideal_options,
+    is_number,
     observation_space,
     with_masks,
 )
@@ -32,7 +33,7 @@ from armtempo.envs.coordination._batch import BatchSimulation
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners import CoordinationCell, Execution
 from armtempo.planners.cells import as_cell
 from armtempo.state import State
@@ -58,9 +59,10 @@ def _begin(simulation: BatchSimulation, mask: Bools, seeds: Seeds | None, late: 
 
 def _late(options: Mapping[str, Any]) -> float | None:
     """``master_late_s`` of a reset."""
-    late: float | None = options.get("master_late_s")
-    if late is not None:
-        check_late(late)
+    if "master_late_s" not in options:
+        return None
+    late: float = options["master_late_s"]
+    check_late(late)
     return late
 
 
@@ -353,7 +355,7 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
     ) -> None:
         chosen = ideal_options(CoordinationOptions, options, CoordinationVectorEnv)
         count = count_of(num_envs)
-        given = list(cell) if isinstance(cell, Iterable) and not isinstance(cell, str) else [cell]
+        given = list(cell) if isinstance(cell, Sequence) and not isinstance(cell, str) else [cell]
         self.cells = tuple(as_cell(one, CoordinationCell) for one in given)
         counts = {len(one.arms) for one in self.cells}
         if len(counts) != 1 or len(self.cells) > count:
@@ -362,9 +364,13 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
                 remedy="give cells with equally many arms, and an episode for each at least",
             )
         self.arms = counts.pop()
-        self.learners = tuple(range(self.arms)) if learners is None else tuple(int(i) for i in learners)
-        if not self.learners or not set(self.learners) <= set(range(self.arms)):
-            raise InputError(f"learners is {learners!r}, the cells have {self.arms} arms", remedy="give their numbers")
+        every = range(self.arms)
+        chosen_arms = every if learners is None else learners if isinstance(learners, Collection) else ()
+        self.learners = tuple(int(i) for i in chosen_arms if is_number(i) and i in every)
+        if not self.learners or len(self.learners) < len(chosen_arms):
+            raise InputError(
+                f"learners is {brief(learners)}, the cells have {self.arms} arms", remedy="give their numbers"
+            )
         together = _threads(count, threads, chosen.shield)
         bounds = np.linspace(0, count, len(self.cells) + 1).astype(int).tolist()
         simulations = [
@@ -403,8 +409,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         Raises:
             InputError: It is not between 0 and 1.
         """
-        if not 0.0 <= share <= 1.0:
-            raise InputError(f"the share of undisturbed episodes must be between 0 and 1, got {share!r}")
+        if not (is_number(share) and 0.0 <= share <= 1.0):
+            raise InputError(f"the share of undisturbed episodes must be between 0 and 1, got {brief(share)}")
         for one in self.simulations:
             one.undisturbed[:] = np.arange(one.episodes) < round(share * one.episodes)
 

@@ -21,7 +21,7 @@ from armtempo.envs.coordination.world import (
     CoordinationSimulation,
     CoordinationTrace,
 )
-from armtempo.errors import UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell
 from armtempo.planners.topp import Mode
@@ -147,8 +147,10 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         self._others: Execution | None
         if others is None or isinstance(others, str):
             self._others = next(iter(others_of(self.cell, others, self.options.mode, 1)), None)
-        else:
+        elif callable(getattr(others, "reset", None)) and callable(getattr(others, "commands", None)):
             self._others = others
+        else:
+            raise InputError(f"others is {brief(others)}", remedy="give a name, or an Execution")
         self._shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
 
     @property
@@ -207,7 +209,7 @@ def learner_of(cell: CoordinationCell, learner: str | None) -> int:
         UnknownNameError: The cell has no such arm.
     """
     names = [arm.name for arm in cell.arms]
-    if learner is not None and learner not in names:
+    if learner is not None and not (isinstance(learner, str) and learner in names):
         raise UnknownNameError("arm", learner, names)
     return len(names) - 1 if learner is None else names.index(learner)
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._blend import Blend
 from armtempo.planners.blends._blended_path import BlendedPath
@@ -222,7 +222,7 @@ class PredictorCorrector(LengthMapping):
     def __init__(self, path: BlendedPath | Blend, *, iterations: int = 3, compensate: bool = True) -> None:
         super().__init__(path)
         if not isinstance(iterations, int | np.integer) or iterations < 0:
-            raise InputError(f"iterations is {iterations!r}", remedy="give 0 or more")
+            raise InputError(f"iterations is {brief(iterations)}", remedy="give 0 or more")
         self.iterations = iterations
         self.compensate = compensate
 

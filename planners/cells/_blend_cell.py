@@ -170,7 +170,7 @@ class BlendCell(OneArmCell[BlendCellConfig]):
         Raises:
             UnknownNameError: No such profile.
         """
-        if name not in PROFILES:
+        if not isinstance(name, str) or name not in PROFILES:
             raise UnknownNameError("profile", name, PROFILES)
         return self.line_speed if name == "line-speed" else self.limit_aware
 

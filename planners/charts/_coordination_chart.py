@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.cache import Arrays, cached, content_key
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import BLOCKED, FREE, UNDECIDED, certify
@@ -98,7 +98,7 @@ class CoordinationChart:
         if not (0.0 <= d_min < math.inf and 0.0 < tolerance < math.inf):
             raise InputError(f"d_min must be >= 0 and tolerance > 0, got {d_min} and {tolerance}")
         if shapes not in ("real", "capsules"):
-            raise InputError(f"shapes is {shapes!r}", remedy="give 'real' or 'capsules'")
+            raise InputError(f"shapes is {brief(shapes)}", remedy="give 'real' or 'capsules'")
         for path in (path_a, path_b):
             path.check_stations()
         levels = max(4, math.ceil(math.log2(max(path_a.length, path_b.length) / tolerance)))

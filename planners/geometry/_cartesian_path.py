@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 
 NUMBER_MAX = 1e12  # of what is given as a number: powers of it must not overflow
 COORDINATE_MAX = 1e9  # [m] centres of flat arcs are far away
@@ -47,10 +47,10 @@ def floats(value: ArrayLike, name: str, most: float = NUMBER_MAX) -> Floats:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be numbers, got {value!r:.200}".replace("\n", " ")) from None
+        raise InputError(f"{name} must be numbers, got {brief(value)}") from None
     size = np.abs(array)
     if ((size > most) & (size < np.inf)).any():
-        raise InputError(f"{name} must be numbers up to {most:g}, got {value!r:.200}".replace("\n", " "))
+        raise InputError(f"{name} must be numbers up to {most:g}, got {brief(value)}")
     return array
 
 
@@ -58,7 +58,7 @@ def number(value: ArrayLike, name: str) -> float:
     """``floats`` for one number; NaN and infinity pass."""
     array = floats(value, name)
     if array.shape:
-        raise InputError(f"{name} must be one number, got {value!r:.200}".replace("\n", " "))
+        raise InputError(f"{name} must be one number, got {brief(value)}")
     return float(array)
 
 
@@ -66,13 +66,15 @@ def _checked_part(low: float, high: float, length: float) -> None:
     """Refuse a piece that is empty, runs backwards or leaves its segment."""
     slack = SEGMENT_LENGTH_MIN * max(length, 1.0)
     if not (-slack <= low and low + SEGMENT_LENGTH_MIN <= high <= length + slack):
-        raise PathError(f"the piece {low!r} .. {high!r} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high")
+        raise PathError(
+            f"the piece {brief(low)} .. {brief(high)} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high"
+        )
 
 
 def _point(value: ArrayLike, name: str) -> Floats:
     point = floats(value, name, np.inf)
     if point.shape != (3,) or not (np.abs(point) <= COORDINATE_MAX).all():
-        raise PathError(f"{name} must be three finite coordinates in metres, got {value!r:.200}")
+        raise PathError(f"{name} must be three finite coordinates in metres, got {brief(value)}")
     point.setflags(write=False)
     return point
 

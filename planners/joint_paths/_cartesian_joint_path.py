@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.errors import InputError, PathError, RobotError
+from armtempo.errors import InputError, PathError, RobotError, brief
 from armtempo.planners.geometry import PoseTarget, RangeMax, floats
 from armtempo.planners.ik import FeedbackIK, IKGains, IKRun, SphericalWristIK
 from armtempo.planners.ik.kernels import LIMIT
@@ -89,7 +89,7 @@ class CartesianJointPath(AbstractJointPath):
         if not 0.0 < speed_min < np.inf:
             raise InputError(f"speed_min = {speed_min}", remedy="give a speed > 0")
         if not isinstance(task, str) or task not in ("auto", "pose", "position"):
-            raise InputError(f"task {task!r}", remedy="use 'auto', 'pose' or 'position'")
+            raise InputError(f"task {brief(task)}", remedy="use 'auto', 'pose' or 'position'")
         first, rest = floats(start, "start"), floats(start if posture is None else posture, "posture")
         for name, q in (("start", first), ("posture", rest)):
             if q.shape != (arm.dof,) or not np.isfinite(q).all():

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 from armtempo.planners.geometry import RangeMax, floats
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.robots import Arm, njit
@@ -72,7 +72,7 @@ class WaypointPath(AbstractJointPath):
             ("spacing", spacing, ("chord", "centripetal")),
         ):
             if value not in known:
-                raise InputError(f"{name} is {value!r}", remedy=f"give {' or '.join(known)}")
+                raise InputError(f"{name} is {brief(value)}", remedy=f"give {' or '.join(known)}")
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if steps.min() < max(WAYPOINT_DISTANCE_MIN, 4.0 * np.spacing(steps.sum())):
             k = int(np.argmin(steps))
@@ -152,8 +152,10 @@ class WaypointPath(AbstractJointPath):
 
 def _checked(waypoints: ArrayLike, arm: Arm | None) -> Floats:
     try:
+        if np.asarray(waypoints).dtype.kind not in "iuf":
+            raise InputError("no numbers")
         points = floats(waypoints, "waypoints", np.inf)
-    except InputError:
+    except (InputError, ValueError):
         raise InputError("waypoints are no table of numbers", remedy="give (K, n): one row per waypoint") from None
     if points.ndim != 2 or points.shape[1] < 1:
         raise InputError(f"waypoints have shape {points.shape}", remedy="give (K, n): one row per waypoint")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.blends import Blend, BlendedPath
 from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.planners.geometry import Arc, CartesianPath, Line
@@ -117,7 +117,7 @@ class FeedOverride(Stateful):
             InputError: Not a number in [0, 1].
         """
         if not (isinstance(override, int | float | np.number) and 0.0 <= override <= 1.0):
-            raise InputError(f"an override is a number in 0..1, got {override!r}")
+            raise InputError(f"an override is a number in 0..1, got {brief(override)}")
         return bool(
             turn(
                 self.profile.knots, self.profile.coefficients, self._marks, self._packed, self._limits,
@@ -132,7 +132,7 @@ class FeedOverride(Stateful):
             InputError: Not a finite number, or less than 0.
         """
         if not (isinstance(dt, int | float | np.number) and 0.0 <= dt < math.inf):
-            raise InputError(f"a step is a finite number of seconds, 0 or more, got {dt!r}")
+            raise InputError(f"a step is a finite number of seconds, 0 or more, got {brief(dt)}")
         advance(self.profile.knots, self.profile.coefficients, self._warp, float(dt), self._out)
         return float(self._out[0]), float(self._out[1]), float(self._out[2])
 

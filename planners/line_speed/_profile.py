@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.geometry import number
 from armtempo.robots import njit
 
@@ -63,7 +63,7 @@ class LineSpeedLimits:
             value = getattr(self, name)
             real = isinstance(value, int | float | np.number)
             if not (real and 0.0 < number(value, f"limit {name}") < math.inf):
-                raise InputError(f"limit {name} must be a positive finite number, got {value!r}")
+                raise InputError(f"limit {name} must be a positive finite number, got {brief(value)}")
             object.__setattr__(self, name, float(value))
 
     @property
@@ -209,9 +209,9 @@ class LineSpeedProfile:
             InfeasibleError: No profile found (numbers too far apart).
         """
         if not 0.0 < number(length, "length") < math.inf:
-            raise InputError(f"a line-speed profile needs a positive length, got {length!r}")
+            raise InputError(f"a line-speed profile needs a positive length, got {brief(length)}")
         if reading not in ("peak", "mean"):
-            raise InputError(f"unknown reading {reading!r} of the acceleration", remedy="'peak' or 'mean'")
+            raise InputError(f"unknown reading {brief(reading)} of the acceleration", remedy="'peak' or 'mean'")
         if reading == "mean":
             limits = replace(limits, acceleration=_peak(limits))
         from ruckig import InputParameter, Result, Ruckig, RuckigError, Trajectory

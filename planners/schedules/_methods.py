@@ -14,11 +14,11 @@ r"""The methods by which schedules are planned.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError, brief
 from armtempo.planners.cells import CoordinationCell, as_cell
 from armtempo.planners.coordination import delayed, offset, one_by_one, optimal, plan_vci, prioritised
 from armtempo.planners.schedules._schedule import Schedule
@@ -115,14 +115,14 @@ def schedule(
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
     cell = as_cell(cell, CoordinationCell)
-    if method not in _PLANNERS:
+    if not isinstance(method, str) or method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
     if period is not None and method != "vci":
-        raise InputError(f"method {method!r} has no period: it is that of 'vci'")
+        raise InputError(f"method {brief(method)} has no period: it is that of 'vci'")
     arms = tuple(range(len(cell.arms)))
-    chosen = arms if order is None else tuple(order)
-    if tuple(sorted(chosen)) != arms:
-        raise InputError(f"order {chosen} must name each of the {len(arms)} arms once, by its index")
+    chosen = arms if order is None else tuple(order) if isinstance(order, Collection) else ()
+    if len(chosen) != len(arms) or any(arm not in chosen for arm in arms):
+        raise InputError(f"order {brief(order)} must name each of the {len(arms)} arms once, by its index")
     if len(arms) == 1:
         if method in RAMPS:
             return _ramped(cell, (0,), method)

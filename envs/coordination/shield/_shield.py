@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats
+from armtempo.envs.common import is_number
 from armtempo.envs.coordination.shield._kernels import (
     CELL_COUNT,
     FIRST_CELL,
@@ -28,7 +29,7 @@ from armtempo.envs.coordination.shield._kernels import (
     first_orders,
 )
 from armtempo.envs.coordination.world import CoordinationSimulation, World
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
 from armtempo.planners.schedules import VciExecution
@@ -57,8 +58,8 @@ def shield_tables(
         plan: What the scripted arms obey.
         tube_m: How far every arm may be off its reference beyond the reserve of planned clearance [m].
     """
-    if not (np.isfinite(tube_m) and tube_m >= 0.0):
-        raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
+    if not (is_number(tube_m) and tube_m >= 0.0):
+        raise InputError(f"shield_tube_m must be a distance in metres, got {brief(tube_m)}", remedy="give 0 or more")
     orders = cell.passing_orders(2.0 * tube_m)
     region = np.zeros((len(orders.regions), 2, REGION_COLUMNS), dtype=np.int64)
     parts, length = [np.zeros(1)], 1  # never empty

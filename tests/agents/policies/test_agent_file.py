@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import random
 import zipfile
@@ -116,6 +117,12 @@ class Trap:
         return Path.touch, (self.path,)
 
 
+def _bare_array() -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, NAN)
+    return stream.getvalue()
+
+
 BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "missing": (lambda path: None, "no such agent file"),
     "empty": (lambda path: path.write_bytes(b""), "not an agent file"),
@@ -127,6 +134,23 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no layers": (lambda path: _write(path, header=_header()), "no layers"),
     "shape": (lambda path: _write(path, header=_header(entries=["x"]), **LAYER), "wrong shape"),
     "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": NAN}), "finite"),
+    "stranger": (lambda path: _write(path, header=_header(), **LAYER, junk=np.zeros(3)), "unknown array 'junk'"),
+    "double": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": np.zeros(1)}), "and float64"),
+    "odd": (lambda path: _write(path, header=_header(), **LAYER, bias_1=np.zeros(1, np.float32)), "lacks its weight"),
+    "gap": (lambda path: _write(path, header=_header(), **LAYER, weight_2=LAYER["weight_0"], bias_2=LAYER["bias_0"]),
+            "layer 1 is missing"),
+    "one array": (lambda path: path.write_bytes(_bare_array()), "zip"),
+    "folder": (lambda path: path.mkdir(), "is a folder"),
+    "deep header": (lambda path: _write(path, header=np.frombuffer(b"[" * 100_000, np.uint8)), "too deep"),
+    "no mapping": (lambda path: _write(path, header=np.frombuffer(b"[1]", np.uint8)), "no mapping"),
+    "header of floats": (lambda path: _write(path, header=np.zeros(9), **LAYER), "no header"),
+    "no text": (lambda path: _write(path, header=np.frombuffer(b"\xff\xfe", np.uint8)), "not UTF-8"),
+    "long header": (lambda path: _write(path, header=np.full(5_000_000, 32, np.uint8)), "header of 5000000 bytes"),
+    "nan in words": (lambda path: _write(path, header=_header(curve=[{"reward": np.nan}]), **LAYER), "NaN is no"),
+    "entries": (lambda path: _write(path, header=_header(entries=[1] * SIZE), **LAYER), "entries are no names"),
+    "settings": (lambda path: _write(path, header=_header(settings=["x"]), **LAYER), "its settings is"),
+    "steps": (lambda path: _write(path, header=_header(steps=10**60), **LAYER), "about 61 digits"),
+    "environment": (lambda path: _write(path, header=_header(environment=[1]), **LAYER), r"its environment is \[1\]"),
     "pickle": (lambda path: _write(path, header=np.array([Trap(path.with_name("sprung"))])), "not an agent file"),
 }  # fmt: skip
 
