@@ -23,7 +23,8 @@ MOST_THINGS = 10**7  # environments, threads, cells: more is a slip
 def count_of(number: int, what: str = "num_envs") -> int:
     """A number of things, one at least."""
     if isinstance(number, bool) or not (isinstance(number, int | np.integer) and 0 < number <= MOST_THINGS):
-        raise InputError(f"{what} must be a whole number above 0, {MOST_THINGS} at most, got {brief(number)}")
+        remedy = f"give {MOST_THINGS} at most"
+        raise InputError(f"{what} must be a whole number above 0, got {brief(number)}", remedy=remedy)
     return int(number)
 
 
