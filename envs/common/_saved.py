@@ -58,7 +58,7 @@ class SavedEnvs(Stateful):
         for name, own in self.header().items():
             if type(state.get(name)) is not type(own) or state[name] != own:
                 said = brief(state[name]) if name in state else "missing"
-                what = f"the state's {name} is {said}, and here it is {own!r:.80}"
+                what = f"the state's {name} is {said}, and here it is {brief(own)}"
                 raise InputError(what, remedy="make the environment with the same arguments")
         super().check_state(state)
 
