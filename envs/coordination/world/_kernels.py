@@ -31,7 +31,7 @@ from armtempo.envs.coordination.world._world import (
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import njit, unlocked
+from armtempo.robots import inlined, njit, unlocked
 
 EPISODES_AT_ONCE = 64  # episodes in one go: what they need stays in the cache
 
@@ -58,6 +58,16 @@ def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
     )
 
 
+@inlined
+def obeyed(world: World, episodes: Episodes, e: int, i: int, command: float) -> float:
+    """What arm i makes of its command in the control period that begins now."""
+    obeyed, now = command * episodes.speed[e, i], episodes.ticks[e] * world.tick
+    for s in range(episodes.stops.shape[2]):
+        if episodes.stops[e, i, s, 0] <= now < episodes.stops[e, i, s, 1]:
+            obeyed = 0.0
+    return obeyed  # type: ignore[no-any-return]
+
+
 @njit
 def move(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Floats, scratch: Scratch
@@ -72,10 +82,7 @@ def move(
                 continue
             places, speeds = scratch.places[e - first, i], scratch.speeds[e - first, i]
             lam, mu, now = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e]
-            command, late = commands[e, i] * episodes.speed[e, i], episodes.late[e, i]
-            for s in range(episodes.stops.shape[2]):
-                if episodes.stops[e, i, s, 0] <= now * tick < episodes.stops[e, i, s, 1]:
-                    command = 0.0
+            command, late = obeyed(world, episodes, e, i, commands[e, i]), episodes.late[e, i]
             k = 0
             while k < ticks and (lam >= end or (now + k) * tick + tick - late <= 1e-12):  # there, or not yet gone
                 places[k], speeds[k] = lam, mu

@@ -35,6 +35,7 @@ from armtempo.envs.coordination.world._kernels import (
     tracking_error,
 )
 from armtempo.envs.coordination.world._options import CoordinationOptions
+from armtempo.envs.coordination.world._pace import obeyed_commands, pace
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
@@ -123,6 +124,7 @@ class CoordinationSimulation:
         )
         self._scene, self._q = self._controller.scene, self._controller.q
         self._joints = np.zeros((ticks, *self._q.shape))
+        self._obeyed, self._motion = np.zeros(arms), np.zeros((3, arms))
         self._starts = self._joints_at(np.zeros(arms))
         self._goals = np.zeros((arms, 3))
         tip_positions(self._world, self._joints_at(self._lengths), self._goals)
@@ -134,6 +136,7 @@ class CoordinationSimulation:
         self._tips, self._tips_before = np.zeros((arms, 3)), np.zeros((arms, 3))
         self._settling = Settling(arms)
         self._recorder = Recorder(wanted=record, tick=self._tick)
+        self._clock_first = 1.0
         self.reset()
 
     def _joints_at(self, lam: Floats) -> Floats:
@@ -168,6 +171,7 @@ class CoordinationSimulation:
         if late is not None:
             episodes.late[0] += np.asarray(late, dtype=np.float64)
         self._settling.reset()
+        episodes.clock[0] = self._clock_first
         self._ticks = 0
         self.violated = False
         self._violations = 0
@@ -280,22 +284,52 @@ class CoordinationSimulation:
             )
 
     def _step_bullet(self, commands: Floats) -> None:
-        """The references of the period are those of ``ideal``; the arms follow them tick by tick."""
-        episodes, scratch = self._episodes, self._scratch
-        move(self._world, episodes, 0, 1, self._active, commands, scratch)
-        reference_joints(self._world, scratch.places[0], self._joints)
+        """The references of the period are those of ``ideal``; the arms follow them tick by tick.
+
+        From the first tick with a torque that does not suffice, and as long as the clock is slow, they are worked out
+        tick by tick: see ``pace``.
+        """
+        episodes, scratch, controller, obeyed = self._episodes, self._scratch, self._controller, self._obeyed
+        obeyed_commands(self._world, episodes, commands, obeyed)
+        planned, began = bool(episodes.clock[0] == 1.0), np.stack([self.lam, self.mu, episodes.arrival[0]])
+        if planned:
+            move(self._world, episodes, 0, 1, self._active, commands, scratch)
+            reference_joints(self._world, scratch.places[0], self._joints)
         for k, joints in enumerate(self._joints):
-            self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
-            self._tick_bullet(joints)
+            rate = 1.0
+            if planned and controller.ask(joints):
+                planned = False
+                arrived = episodes.arrival[0] <= self.time + 1e-12
+                if k:
+                    began[0], began[1] = scratch.places[0, :, k - 1], scratch.speeds[0, :, k - 1]
+                self.lam[:], self.mu[:], episodes.arrival[0, ~arrived] = began[0], began[1], began[2, ~arrived]
+                rate = self._pace(obeyed)
+            elif planned:
+                self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
+            else:
+                controller.shift()
+                rate = self._pace(obeyed)
+            self._tick_bullet(rate)
             if self.violated:
                 episodes.violated[0] = True
                 break
         episodes.ticks[0] = self._ticks
         episodes.steps[0] += 1
 
-    def _tick_bullet(self, joints: Floats) -> None:
-        """One tick towards the references ``joints`` (A, n)."""
-        self._controller.track(joints)
+    def _pace(self, obeyed: Floats) -> float:
+        """The references of one tick, and the torques, at the rate at which the torques suffice; the rate."""
+        episodes, controller = self._episodes, self._controller
+        episodes.ticks[0] = self._ticks
+        rate = pace(
+            self._world, episodes, obeyed, controller.gain, controller.measured, controller.reference,
+            controller.demand, controller.torque, self._motion,
+        )  # fmt: skip
+        self.lam[:], self.mu[:], episodes.arrival[0] = self._motion
+        return rate
+
+    def _tick_bullet(self, rate: float) -> None:
+        """One tick with the torques that are worked out."""
+        self._controller.act()
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
@@ -305,7 +339,7 @@ class CoordinationSimulation:
         if (self._episodes.arrival[0] <= self.time + 1e-12).any():
             self._settle()
         if self.record:
-            self._keep(nearest, self.tracking_error())
+            self._keep(nearest, self.tracking_error(), rate)
 
     def _settle(self) -> None:
         """Whether arms whose references have ended are where they are to be."""
@@ -316,9 +350,10 @@ class CoordinationSimulation:
         distance = np.linalg.norm(self._tips - self._goals, axis=1)
         self._settling.watch(self.time, self._episodes.arrival[0], distance, speed)
 
-    def _keep(self, nearest: float, path_error: Floats) -> None:
+    def _keep(self, nearest: float, path_error: Floats, rate: float = 1.0) -> None:
         """A row of the trace; joints and torques without physics follow from the others."""
-        known: dict[str, ArrayLike] = {"lam": self.lam, "mu": self.mu, "clearance": nearest, "path_error": path_error}
+        lam, mu = self.lam, rate * self.mu
+        known: dict[str, ArrayLike] = {"lam": lam, "mu": mu, "clearance": nearest, "path_error": path_error}
         if self.physics == "ideal":
             self._recorder.add(**known)
         else:
