@@ -72,7 +72,10 @@ def obeyed(world: World, episodes: Episodes, e: int, i: int, command: float) -> 
 def move(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Floats, scratch: Scratch
 ) -> None:
-    """One control period of the references of episodes first..last - 1: commands (E, A) as far as arms obey them."""
+    """One control period of the references of episodes first..last - 1: commands (E, A) as far as arms obey them.
+
+    Their time goes as fast as the episode's clock.
+    """
     tick, ticks = world.tick, scratch.places.shape[2]
     for i in range(commands.shape[1]):
         steps = steps_of(world, i)
@@ -81,7 +84,7 @@ def move(
             if not active[e]:
                 continue
             places, speeds = scratch.places[e - first, i], scratch.speeds[e - first, i]
-            lam, mu, now = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e]
+            lam, mu, now, rate = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e], episodes.clock[e]
             command, late = obeyed(world, episodes, e, i, commands[e, i]), episodes.late[e, i]
             k = 0
             while k < ticks and (lam >= end or (now + k) * tick + tick - late <= 1e-12):  # there, or not yet gone
@@ -95,21 +98,21 @@ def move(
                     mu,
                     command,
                     world.by_speed,
-                    part,
+                    rate * part,
                     one,
                     places[k : k + 1],
                     speeds[k : k + 1],
                 )
                 if lam >= end:
-                    episodes.arrival[e, i] = late + used
+                    episodes.arrival[e, i] = late + used / rate
                 k += 1
             if k < ticks:
                 began, there = (now + k) * tick, lam >= end
                 lam, mu, used = phase_kernels.advance(
-                    steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:]
+                    steps, lam, mu, command, world.by_speed, rate * tick, ticks - k, places[k:], speeds[k:]
                 )
                 if lam >= end and not there:
-                    episodes.arrival[e, i] = began + used
+                    episodes.arrival[e, i] = began + used / rate
             episodes.lam[e, i], episodes.mu[e, i] = lam, mu
 
 

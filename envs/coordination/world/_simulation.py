@@ -34,6 +34,7 @@ from armtempo.envs.coordination.world._kernels import (
     tip_positions,
     tracking_error,
 )
+from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._pace import obeyed_commands, pace
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
@@ -101,13 +102,16 @@ class CoordinationSimulation:
         arrival: (A,) instants of arrival, nan before; in ``bullet`` known once the tip has settled.
         violated: Whether two arms came closer than ``d_min``.
         min_clearance: Smallest clearance so far [m].
+        options: As given.
+        keeps_up: Whether the cell's torque reserve is enough for the errors of the options; where it is not, that is
+            said in the log, and arms are late.
 
     Raises:
         InputError: The cell has no such arm as the one that is disturbed.
     """
 
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
-        self.cell, self.physics, self.record = cell, options.physics, record
+        self.cell, self.options, self.physics, self.record = cell, options, options.physics, record
         self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
         self._noise = float(options.observation_noise)
         arms, ticks = len(cell.arms), cell.ticks_per_period
@@ -124,7 +128,7 @@ class CoordinationSimulation:
         )
         self._scene, self._q = self._controller.scene, self._controller.q
         self._joints = np.zeros((ticks, *self._q.shape))
-        self._obeyed, self._motion = np.zeros(arms), np.zeros((3, arms))
+        self._obeyed, self._began, self._motion = np.zeros(arms), np.zeros((3, arms)), np.zeros((3, arms))
         self._starts = self._joints_at(np.zeros(arms))
         self._goals = np.zeros((arms, 3))
         tip_positions(self._world, self._joints_at(self._lengths), self._goals)
@@ -136,7 +140,8 @@ class CoordinationSimulation:
         self._tips, self._tips_before = np.zeros((arms, 3)), np.zeros((arms, 3))
         self._settling = Settling(arms)
         self._recorder = Recorder(wanted=record, tick=self._tick)
-        self._clock_first = 1.0
+        self.keeps_up = keeps_up(cell, options)
+        self._clock_first = first_rate(self._world) if options.physics == "bullet" else 1.0
         self.reset()
 
     def _joints_at(self, lam: Floats) -> Floats:
@@ -217,9 +222,14 @@ class CoordinationSimulation:
 
     @property
     def uncertain(self) -> Bools:
-        """(A,) arms that may do less than they are told in this episode."""
-        uncertain: Bools = uncertain_arms(self._episodes)[0]
+        """(A,) arms that may do less than they are told in this episode: all, where the clock may go slower."""
+        uncertain: Bools = uncertain_arms(self._episodes)[0] | (not self.keeps_up or self.clock < 1.0)
         return uncertain
+
+    @property
+    def clock(self) -> float:
+        """How fast the references' time goes, at most; below 1 where torques do not suffice, and so ``mu``, too."""
+        return float(self._episodes.clock[0])
 
     def tracking_error(self) -> Floats:
         """(A,) how far the tips are from their references now [m]."""
@@ -284,31 +294,26 @@ class CoordinationSimulation:
             )
 
     def _step_bullet(self, commands: Floats) -> None:
-        """The references of the period are those of ``ideal``; the arms follow them tick by tick.
+        """The references of the period are those of ``ideal``, as fast as the clock; the arms follow tick by tick.
 
-        From the first tick with a torque that does not suffice, and as long as the clock is slow, they are worked out
-        tick by tick: see ``pace``.
+        From the first tick with a torque that does not suffice the rest of the period is worked out tick by tick.
         """
-        episodes, scratch, controller, obeyed = self._episodes, self._scratch, self._controller, self._obeyed
-        obeyed_commands(self._world, episodes, commands, obeyed)
-        planned, began = bool(episodes.clock[0] == 1.0), np.stack([self.lam, self.mu, episodes.arrival[0]])
-        if planned:
-            move(self._world, episodes, 0, 1, self._active, commands, scratch)
-            reference_joints(self._world, scratch.places[0], self._joints)
+        episodes, scratch, controller = self._episodes, self._scratch, self._controller
+        began, rate, planned = self._began, self.clock, True
+        began[0], began[1], began[2] = self.lam, self.mu, episodes.arrival[0]
+        move(self._world, episodes, 0, 1, self._active, commands, scratch)
+        reference_joints(self._world, scratch.places[0], self._joints)
         for k, joints in enumerate(self._joints):
-            rate = 1.0
             if planned and controller.ask(joints):
                 planned = False
-                arrived = episodes.arrival[0] <= self.time + 1e-12
-                if k:
-                    began[0], began[1] = scratch.places[0, :, k - 1], scratch.speeds[0, :, k - 1]
-                self.lam[:], self.mu[:], episodes.arrival[0, ~arrived] = began[0], began[1], began[2, ~arrived]
-                rate = self._pace(obeyed)
+                obeyed_commands(self._world, episodes, commands, self._obeyed)
+                self._go_back(k)
+                rate = self._pace()
             elif planned:
                 self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
             else:
                 controller.shift()
-                rate = self._pace(obeyed)
+                rate = self._pace()
             self._tick_bullet(rate)
             if self.violated:
                 episodes.violated[0] = True
@@ -316,12 +321,20 @@ class CoordinationSimulation:
         episodes.ticks[0] = self._ticks
         episodes.steps[0] += 1
 
-    def _pace(self, obeyed: Floats) -> float:
-        """The references of one tick, and the torques, at the rate at which the torques suffice; the rate."""
+    def _go_back(self, k: int) -> None:
+        """The references are where they were at the begin of tick k of the period."""
+        episodes, scratch, began = self._episodes, self._scratch, self._began
+        if k:
+            began[0], began[1] = scratch.places[0, :, k - 1], scratch.speeds[0, :, k - 1]
+        not_yet = ~(episodes.arrival[0] <= self.time + 1e-12)
+        self.lam[:], self.mu[:], episodes.arrival[0, not_yet] = began[0], began[1], began[2, not_yet]
+
+    def _pace(self) -> float:
+        """The references of one tick, and the torques, at the rate at which torques suffice; the rate."""
         episodes, controller = self._episodes, self._controller
         episodes.ticks[0] = self._ticks
         rate = pace(
-            self._world, episodes, obeyed, controller.gain, controller.measured, controller.reference,
+            self._world, episodes, self._obeyed, controller.gain, controller.measured, controller.reference,
             controller.demand, controller.torque, self._motion,
         )  # fmt: skip
         self.lam[:], self.mu[:], episodes.arrival[0] = self._motion
