@@ -54,7 +54,7 @@ def bench_arms(
     with output.progress("Planning", (most - 1) * count) as (progress, task):
         for arms in range(2, most + 1):
             progress.update(task, description=f"Planning {arms} arms")
-            for ring in _feasible_rings(arms, count, seed):
+            for ring in feasible_rings(arms, count, seed):
                 entries.append(_entry(ring, arms, methods))
                 progress.advance(task)
     output.table(_tabulate(entries, methods, count))
@@ -63,7 +63,7 @@ def bench_arms(
     output.json({"seed": seed, "count": count, "rings": entries})
 
 
-def _feasible_rings(arms: int, count: int, seed: int) -> Iterator[GeneratedCell]:
+def feasible_rings(arms: int, count: int, seed: int) -> Iterator[GeneratedCell]:
     """The first rings of so many arms that are feasible."""
     from armtempo.planners import generate_cell
 

@@ -238,6 +238,23 @@ class CoordinationSimulation:
             tracking_error(self._world, self.lam, self._q, error)
         return error
 
+    def path_errors(self) -> tuple[Floats, Floats]:
+        """(A,) how far the tips are off their paths now, and along them from their references [m]; to first order."""
+        off, along = np.zeros(self.arms), np.zeros(self.arms)
+        for i, (arm, path) in enumerate(zip(self.cell.arms, self.cell.paths, strict=True)):
+            wanted, slope, _ = path.evaluate(self.lam[i])
+            error = (arm.tip_pose(self.joint_positions()[i, : arm.dof]) - arm.tip_pose(wanted))[:3, 3]
+            direction = arm.jacobian(wanted)[:3] @ slope
+            length = float(np.linalg.norm(direction))
+            along[i] = abs(error @ direction) / length if length > 0.0 else 0.0
+            off[i] = math.sqrt(max(float(error @ error) - along[i] ** 2, 0.0))
+        return off, along
+
+    @property
+    def clipped(self) -> bool:
+        """Whether torques were, in the last tick."""
+        return self._controller.clipped
+
     @property
     def arms(self) -> int:
         """Number of arms."""
