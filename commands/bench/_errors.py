@@ -99,9 +99,10 @@ def _entry(cell: CoordinationCell, error: float, policy: str, exact: Sequence[fl
     except InfeasibleError as refusal:
         return entry | {"refused": refusal.message}
     try:
-        makespan, violated, off, along, clipped = (np.array(rows) for rows in zip(*_run(env, policy, len(exact))))
+        runs = list(_run(env, policy, len(exact)))
     finally:
         env.close()
+    makespan, violated, off, along, clipped = (np.array(values) for values in zip(*runs, strict=True))
     arrived = np.isfinite(makespan)
     return entry | {
         "violations": int(violated.sum()),
@@ -114,9 +115,7 @@ def _entry(cell: CoordinationCell, error: float, policy: str, exact: Sequence[fl
     }
 
 
-def _run(
-    env: CoordinationEnv, policy: str, episodes: int
-) -> Iterator[tuple[float, bool, float, float, float]]:
+def _run(env: CoordinationEnv, policy: str, episodes: int) -> Iterator[tuple[float, bool, float, float, float]]:
     """Per episode its makespan [s], whether arms came too close, largest errors off and along [m], share clipped."""
     simulation = env.simulation
     for episode in range(episodes):

@@ -19,7 +19,7 @@ from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
 CONTROL_SHARE = 0.01
-"""Of a torque limit, for feedback and for what a motion in ticks needs beyond the smooth one: 0.6 % in planar-four."""
+"""Of a torque limit, for what a motion in ticks needs beyond the smooth one: 0.6 % in planar-four."""
 
 
 def _reserve_of(config: CellConfig) -> float:

@@ -80,8 +80,8 @@ def check_promise(cell: CoordinationCell, options: CoordinationOptions) -> None:
         return
     needed = needed_torque_reserve(cell, model_error, friction_error)
     raise InfeasibleError(
-        f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little torque to "
-        f"go slowly along its path; a torque_reserve of {_number(needed)} would do, it has {cell.torque_reserve:.4g}",
+        f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little torque "
+        f"to go slowly along its path; a torque_reserve of {_number(needed)} would do, it has {cell.torque_reserve:.4g}",
         remedy="make the errors smaller, or limits.torque_nm larger"
         if math.isinf(needed)
         else f"torque_reserve: {_number(needed)} in the cell's file, or auto",
@@ -89,8 +89,8 @@ def check_promise(cell: CoordinationCell, options: CoordinationOptions) -> None:
 
 
 def _told(options: CoordinationOptions) -> bool:
-    """Whether there are errors that matter."""
-    return options.physics == "bullet" and bool(options.model_error or options.friction_error)
+    """Whether arms are not as planned; only bodies can be."""
+    return bool(options.model_error or options.friction_error)
 
 
 def _errors(options: CoordinationOptions) -> str:

@@ -20,6 +20,7 @@ from armtempo.robots import njit
 TRIALS = 8  # rates that are tried in one tick; two or three mostly do
 PROBE = 1e-3  # of a rate: the step from which torques are known as functions of it
 SLOWING_SHARE = 0.99  # of the torque that is used where time is slowed: later braking needs what is left
+WITHIN = 1.0 - 1e-9  # of a torque limit is aimed at, so that rounding does not clip
 SLOWEST = 0.05  # rate of the references' time
 SLOWER_AT_ONCE = 0.9  # of the rate before, in one tick
 FULL_SPEED_TICKS = 1_000_000
@@ -43,7 +44,11 @@ def _try_rate(
     tick, now, worst = world.tick, episodes.ticks[0] * world.tick, 0.0
     for i in range(commands.shape[0]):
         n, steps, part = world.size[i, 1], steps_of(world, i), min(tick, now + tick - episodes.late[0, i])
-        motion[LAM, i], motion[MU, i], motion[ARRIVAL, i] = episodes.lam[0, i], episodes.mu[0, i], episodes.arrival[0, i]
+        motion[LAM, i], motion[MU, i], motion[ARRIVAL, i] = (
+            episodes.lam[0, i],
+            episodes.mu[0, i],
+            episodes.arrival[0, i],
+        )
         if motion[LAM, i] < length_of(world, i) and part > 1e-12:  # else it is there, or not yet gone
             place, one = np.empty((2, 1)), min(i, 0) + 1  # 1 as it is would compile a second copy
             lam, mu, used = phase_kernels.advance(
@@ -63,9 +68,7 @@ def _try_rate(
 
 
 @njit
-def _rate_between(
-    world: World, before: Floats, at_before: float, demand: Floats, at: float, clock: float
-) -> float:
+def _rate_between(world: World, before: Floats, at_before: float, demand: Floats, at: float, clock: float) -> float:
     """The rate nearest to ``clock`` at which torques are within their limits, if they are linear between two rates.
 
     Where that is slower, with a share to spare; where no rate will do, in the middle of what asks for less and more.
@@ -75,7 +78,7 @@ def _rate_between(
         for j in range(world.size[i, 1]):
             limit, slope = world.torque_max[i, j], (demand[i, j] - before[i, j]) / (at - at_before)
             if abs(slope) > 1e-9 * limit:
-                middle, half = at - demand[i, j] / slope, limit / abs(slope)
+                middle, half = at - demand[i, j] / slope, WITHIN * limit / abs(slope)
                 low, high = max(low, middle - half), min(high, middle + half)
                 easy = min(easy, middle + SLOWING_SHARE * half)
     if low > high:
@@ -130,7 +133,7 @@ def pace(
         clip_torques(demand[i][:n], world.torque_max[i][:n], torque[i][:n])
     if least <= 1.0:
         episodes.clock[0] = min(clock, best)
-    return best
+    return best  # type: ignore[no-any-return]
 
 
 @njit

@@ -24,6 +24,7 @@ from armtempo.envs.coordination.world._disturbance import (
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._entries import OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.envs.coordination.world._kernels import (
     move,
     moved_closer,
@@ -34,7 +35,6 @@ from armtempo.envs.coordination.world._kernels import (
     tip_positions,
     tracking_error,
 )
-from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._pace import obeyed_commands, pace
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
