@@ -21,5 +21,5 @@ BENCHES: Mapping[str, Callable[..., None]] = {
 
 
 def bench() -> None:
-    """Benchmarks: coordination (all methods on a set of cells), arms (planning time over their number), agents, errors."""
+    """Benchmarks: coordination (all methods on a set of cells), arms (time over their number), agents, errors."""
     # for the list of commands; main dispatches the line itself

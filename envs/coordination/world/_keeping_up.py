@@ -73,19 +73,14 @@ def check_promise(cell: CoordinationCell, options: CoordinationOptions) -> None:
     """Refuse a shield over arms that cannot even go slowly along their paths.
 
     Raises:
-        InfeasibleError: They cannot; the message has the reserve that would do.
+        InfeasibleError: They cannot.
     """
-    model_error, friction_error = options.model_error, options.friction_error
-    if can_go_slowly(cell, model_error, friction_error):
-        return
-    needed = needed_torque_reserve(cell, model_error, friction_error)
-    raise InfeasibleError(
-        f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little torque "
-        f"to go slowly along its path; a torque_reserve of {_number(needed)} would do, it has {cell.torque_reserve:.4g}",
-        remedy="make the errors smaller, or limits.torque_nm larger"
-        if math.isinf(needed)
-        else f"torque_reserve: {_number(needed)} in the cell's file, or auto",
-    )
+    if not can_go_slowly(cell, options.model_error, options.friction_error):
+        raise InfeasibleError(
+            f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little "
+            f"torque to go slowly along its path, and no torque_reserve helps (it has {cell.torque_reserve:.4g})",
+            remedy="make the errors smaller, or limits.torque_nm larger",
+        )
 
 
 def _told(options: CoordinationOptions) -> bool:
