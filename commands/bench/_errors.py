@@ -125,7 +125,7 @@ def _run(env: CoordinationEnv, policy: str, episodes: int) -> Iterator[tuple[flo
         clipped = periods = 0
         while env.agents:
             drawn = generator.uniform(-1.0, 1.0, env.num_agents)
-            asked = np.ones(env.num_agents) if policy == "full-speed" else drawn
+            asked = [1.0] * env.num_agents if policy == "full-speed" else drawn.tolist()
             env.step({agent: np.array([a], dtype=np.float32) for agent, a in zip(env.agents, asked, strict=True)})
             if simulation.physics == "bullet":
                 errors = simulation.path_errors()
