@@ -4,11 +4,23 @@
 #   make check   format, lint, types, layers
 #   make bench   time armtempo against its peers
 #   make recipes  run docs/recipes (RLlib, TorchRL), each in an environment of its own
+#   make lowest  smoke and tests with the lowest versions of all dependencies that pyproject.toml allows
+#   make fuzz    try damaged inputs on every reader, environment and command: COUNT= of them, 100 000 by default
 #   make build   sdist, wheel from the sdist, smoke test of the wheel in a clean environment
 #   make clean   remove what these made
 PYTHON ?= python3
 # Installed first, so that the extra `rl` finds it. TORCH= leaves the choice to pip.
 TORCH ?= torch==2.13.0
+# The lowest Python that pyproject.toml allows
+LOWEST_PYTHON ?= python3.11
+# Inputs of `make fuzz`, of all fuzzers together
+COUNT ?= 100000
+SEED ?= 1
+# Tests of `make lowest`: what touches most packages, and needs no other oracle
+LOWEST_TESTS := tests/configs tests/robots/test_urdf.py tests/robots/test_shapes.py tests/planners/geometry \
+	tests/planners/instances/test_instance_file.py tests/agents/policies tests/agents/training/test_sweep.py \
+	tests/agents/training/test_train.py::test_a_training_leaves_curve_logs_checkpoint_and_agent \
+	tests/envs/behaviours/test_conformance.py tests/commands/console tests/commands/test_plan.py tests/test_cache.py
 # More arguments for pytest: make test ARGS="tests/configs -x"
 ARGS ?=
 # Test files go to as many processes as there are cores; WORKERS=0 keeps to one.
@@ -17,7 +29,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench recipes rllib torchrl build clean
+.PHONY: run test check bench lowest fuzz recipes rllib torchrl build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -35,6 +47,18 @@ check: .venv/.test-ready
 
 bench: .venv/.test-ready
 	$(BIN)/python -m pytest tests/benchmarks $(ARGS)
+
+# Compiled kernels belong to one version of numba: these have a folder of their own.
+lowest: export NUMBA_CACHE_DIR := $(CURDIR)/.venv-lowest/numba
+lowest: .venv-lowest/.ready
+	set -e; scratch=$$(mktemp -d); trap 'rm -rf "$$scratch"' EXIT; bin=$$PWD/.venv-lowest/bin; cd "$$scratch"; \
+	for line in "evaluate lee1991" "plan panda-pair" "cells lee2006" "evaluate chung"; do \
+		echo "armtempo $$line"; "$$bin/armtempo" $$line; \
+	done
+	.venv-lowest/bin/python -m pytest $(LOWEST_TESTS) $(ARGS)
+
+fuzz: .venv/.test-ready
+	$(BIN)/python -m tests.fuzz --count $(COUNT) --seed $(SEED) $(ARGS)
 
 recipes: rllib torchrl
 
@@ -54,7 +78,7 @@ build: .venv/.test-ready
 	cd "$$clean"; "$$clean/venv/bin/python" -I "$$smoke"
 
 clean:
-	rm -rf .venv .venv-rllib .venv-torchrl dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-lowest .venv-rllib .venv-torchrl dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/bin/python:
@@ -70,6 +94,17 @@ clean:
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
 	$(PIP) install --editable ".[dev,rl,sweep]"
 	touch $@ .venv/.run-ready
+
+.venv-lowest/.ready: pyproject.toml tests/lowest.py
+	@echo "installing the lowest versions of everything into .venv-lowest (some minutes the first time)"
+	$(LOWEST_PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install packaging $(TORCH)
+	.venv-lowest/bin/python tests/lowest.py rl sweep > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install -r .venv-lowest/lowest.txt \
+		"hypothesis>=6.100" "pytest>=8.3"
+	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install --no-deps --editable .
+	.venv-lowest/bin/python -m pip check
+	touch $@
 
 .venv-rllib/.ready: pyproject.toml
 	@echo "installing armtempo, torch and RLlib into .venv-rllib (some minutes the first time)"

@@ -12,7 +12,7 @@ from armtempo.agents.ik import IKKind, IKResult
 from armtempo.envs.blend import BlendKeywords, BlendOptions
 from armtempo.envs.coordination import CoordinationKeywords, CoordinationOptions
 from armtempo.envs.ik import IKKeywords, IKOptions
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.planners import BlendCell, CoordinationCell, IKCell
 from armtempo.planners.cells import CellBase
 
@@ -103,7 +103,7 @@ def evaluate(
             is damaged.
     """
     if not isinstance(cell, CellBase):
-        raise InputError(f"evaluate needs a built cell, got {cell!r}", remedy="give one that load_cell returned")
+        raise InputError(f"evaluate needs a built cell, got {brief(cell)}", remedy="give one that load_cell returned")
     kind = kind_named(cell.kind)
     return evaluate_kind(
         kind,

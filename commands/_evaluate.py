@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from armtempo.cache import content_key
 from armtempo.commands.console import (
     AllNames,
     CellName,
@@ -17,14 +19,16 @@ from armtempo.commands.console import (
     Seed,
     check_count,
     check_seed,
-    default_folder,
+    file_digests,
+    kept_results,
     open_cell,
+    output_folder,
     read_kind_line,
     table_of,
 )
 
 if TYPE_CHECKING:
-    from armtempo.agents import Kind
+    from armtempo.agents import Evaluation, Kind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,21 +67,50 @@ def evaluate(line: Sequence[str]) -> None:
 
 def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     """Run, tabulate, draw."""
-    from armtempo import agents
-    from armtempo.commands.reports import REPORTS, title_of
+    from armtempo.agents.evaluation import Continuation, evaluate_kind
 
     output = Output(given.json_file)
-    cell = open_cell(given.cell, output)
+    folder = output_folder(given.cell, given.out) if given.figures else None
+    cell: Any = open_cell(given.cell, output)
     chosen = tuple(dict.fromkeys(given.policies)) or None
-    with output.progress("Simulating", len(chosen or kind.policies) * given.episodes) as (progress, task):
+    with kept_results("evaluate", _arguments(given, cell, options)) as kept:
+        output.taken_over(kept)
+        with output.progress("Simulating", len(chosen or kind.policies) * given.episodes) as (progress, task):
 
-        def on_episode(policy: str, episode: int) -> None:
-            progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
+            def on_episode(policy: str, episode: int) -> None:
+                progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
 
-        run: Any = agents.evaluate  # of any kind of cell
-        result: agents.Evaluation[Any, Any, Any] = run(
-            cell, chosen, episodes=given.episodes, seed=given.seed, options=options, on_episode=on_episode
-        )
+            result = evaluate_kind(
+                kind,
+                cell,
+                chosen,
+                options,
+                episodes=given.episodes,
+                seed=given.seed,
+                on_episode=on_episode,
+                continuation=Continuation(kept=kept, traces=folder is not None),
+            )
+        _tell(kind, result, output, folder)
+
+
+def _arguments(given: Evaluate, cell: Any, options: Any) -> dict[str, Any]:
+    """All that decides what policies come to."""
+    return {
+        "cell": content_key([repr(cell.config), *(arm.urdf.read_bytes() for arm in cell.arms)]),
+        "policies": given.policies,
+        "files": file_digests(given.policies),
+        "episodes": given.episodes,
+        "seed": given.seed,
+        "options": repr(options),
+    }
+
+
+def _tell(
+    kind: Kind[Any, Any, Any, Any], result: Evaluation[Any, Any, Any], output: Output, folder: Path | None
+) -> None:
+    """Tabulate, and draw into a folder."""
+    from armtempo.commands.reports import REPORTS, title_of
+
     report = REPORTS[kind.name]
     title, caption = title_of(result, report.title_suffix(result)), report.caption(result)
     output.table(table_of(result, title=title, caption=caption, width=output.console.width, bold=report.best(result)))
@@ -85,10 +118,9 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     for name, why in (result.refused or {}).items():
         output.say(f"{name} has no plan: {why}")
     output.json(result.to_dict())
-    if given.figures:
+    if folder is not None:
         from armtempo.commands.figures._write import draw
 
-        folder = default_folder(cell, given.out)
         with output.progress("Drawing"):
             drawn = report.figures(result)
         output.pictures(folder, draw(drawn, folder, output))

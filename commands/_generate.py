@@ -9,9 +9,13 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from armtempo.cache import content_key
 from armtempo.commands.console import JsonFile, Output, new_table, shown
 from armtempo.errors import InputError
-from armtempo.files import whole_file
+from armtempo.files import check_output_folder, whole_file
+
+LABELS, DIGESTS = ".labels.json", "digests"
+SUFFIXES = (".yaml", ".npz", LABELS)
 
 
 def generate(
@@ -30,7 +34,8 @@ def generate(
     feasible, its class (uniform or mixed) and bound, NAME.npz has charts and path coefficients for load_instance.
 
     Args:
-        out: Folder for the files. Cells that are there already are kept: an interrupted run goes on where it was.
+        out: Folder for the files. Cells that are there already are kept: an interrupted run goes on where it was. Those
+            that are not as they were drawn are refused.
         family: planar (two-link arms), ring (of such arms, see --arms), panda, iiwa or ur5e pairs.
         count: How many.
         seed: Of the generator.
@@ -44,21 +49,25 @@ def generate(
     if count < 1:
         raise InputError(f"--count must be at least 1, got {count}")
     output = Output(json_file)
+    check_output_folder(out)
     entries: list[dict[str, Any]] = []
     rejected: Counter[str] = Counter()
     drawn = 0
-    with output.progress(f"Drawing {family} cells", count) as (progress, task):
-        for index in range(first, first + count):
-            name = cell_name(family, seed, index, arms=arms)
-            progress.update(task, description=f"Drawing {name}")
-            labels = out / f"{name}.labels.json"
-            if not all((out / f"{name}{suffix}").is_file() for suffix in (".yaml", ".npz", ".labels.json")):
-                _write(out, generate_cell(family, seed, index, arms=arms))
-                drawn += 1
-            entry = json.loads(labels.read_text(encoding="utf-8"))
-            entries.append(entry)
-            rejected.update(entry["rejected"])
-            progress.advance(task)
+    try:
+        with output.progress(f"Drawing {family} cells", count) as (progress, task):
+            for index in range(first, first + count):
+                name = cell_name(family, seed, index, arms=arms)
+                progress.update(task, description=f"Drawing {name}")
+                entry = _taken_over(out, name)
+                if entry is None:
+                    entry = _write(out, generate_cell(family, seed, index, arms=arms))
+                    drawn += 1
+                entries.append(entry)
+                rejected.update(entry["rejected"])
+                progress.advance(task)
+    except KeyboardInterrupt as stop:
+        stop.add_note(f"{len(entries)} cells are in {out}; the same line goes on with them")
+        raise
     table = new_table(f"{count} {family} cells of seed {seed}")
     table.add_column("status")
     table.add_column("class")
@@ -81,8 +90,35 @@ def generate(
     )
 
 
-def _write(out: Path, generated: Any) -> None:
-    """The three files of a cell, the labels last: they say that the others are complete."""
+def _taken_over(out: Path, name: str) -> dict[str, Any] | None:
+    """The labels of a cell whose three files are there; None: it is to be drawn.
+
+    Raises:
+        InputError: One of them is not as it was written.
+    """
+    files = {suffix: out / f"{name}{suffix}" for suffix in SUFFIXES}
+    if not all(file.is_file() for file in files.values()):
+        return None
+    labels = files.pop(LABELS)
+    entry: dict[str, Any] = {}
+    try:
+        entry = json.loads(labels.read_text(encoding="utf-8"))
+        stated = entry.pop(DIGESTS, None)  # None: of an earlier version, which ended here
+        found = {LABELS: content_key([json.dumps(entry)])}
+        found |= {suffix: content_key([file.read_bytes()]) for suffix, file in files.items()}
+        changed = [suffix for suffix in found if stated is not None and stated.get(suffix) != found[suffix]]
+        changed += [LABELS] if list(entry)[-1] != "rejected" else []
+    except (ValueError, IndexError, TypeError, AttributeError):
+        changed = [LABELS]
+    if changed:
+        raise InputError(
+            f"{out / name}{changed[0]} is not as it was drawn", remedy=f"move {name}.* away, or give another --out"
+        )
+    return entry
+
+
+def _write(out: Path, generated: Any) -> dict[str, Any]:
+    """The three files of a cell, the labels last: they say that the others are complete, and what is in them."""
     import yaml
 
     from armtempo.planners.instances import save_instance
@@ -92,10 +128,11 @@ def _write(out: Path, generated: Any) -> None:
     head += f" --first {generated.index} --count 1"
     head += f" --arms {len(generated.cell.arms)}" if generated.family == "ring" else ""
     text = yaml.safe_dump(dict(generated.data), sort_keys=False, default_flow_style=None, width=118)
-    with whole_file(out / f"{name}.yaml") as temporary:
+    yaml_file, npz_file, labels = (out / f"{name}{suffix}" for suffix in SUFFIXES)
+    with whole_file(yaml_file) as temporary:
         temporary.write_text(f"{head}\n{text}", encoding="utf-8")
-    save_instance(out / f"{name}.npz", generated.cell, generated.labels, family=generated.family)
-    entry = {
+    save_instance(npz_file, generated.cell, generated.labels, family=generated.family)
+    entry: dict[str, Any] = {
         "cell": name,
         "family": generated.family,
         "seed": generated.seed,
@@ -103,5 +140,8 @@ def _write(out: Path, generated: Any) -> None:
         **generated.labels.record(),
         "rejected": dict(generated.rejected),
     }
-    with whole_file(out / f"{name}.labels.json") as temporary:
-        temporary.write_text(json.dumps(entry, indent=2) + "\n", encoding="utf-8")
+    digests = {file.suffix: content_key([file.read_bytes()]) for file in (yaml_file, npz_file)}
+    digests[LABELS] = content_key([json.dumps(entry)])
+    with whole_file(labels) as temporary:
+        temporary.write_text(json.dumps({**entry, DIGESTS: digests}, indent=2) + "\n", encoding="utf-8")
+    return entry

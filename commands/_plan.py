@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from armtempo.commands.console import AllNames, CellName, JsonFile, Output, check_period, open_cell, shown
+from armtempo.files import check_output_folder
 
 if TYPE_CHECKING:
     from armtempo.commands.plans import CellPlans
@@ -46,6 +47,8 @@ def plan(
     output = Output(json_file)
     check_period("--control-period", control_period, "0.004")
     check_period("--period", period, "0.001")
+    if export is not None:
+        check_output_folder(export)
     built = open_cell(cell, output)
     from armtempo.commands.plans import PLANS  # late: it imports the planners, and --help is to be quick
 

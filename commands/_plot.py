@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console import CellName, OutFolder, Output, default_folder, open_cell
+from armtempo.commands.console import CellName, OutFolder, Output, open_cell, output_folder
 from armtempo.errors import InfeasibleError, UnknownNameError
 
 
@@ -31,6 +31,7 @@ def plot(
         out: Folder for the PNG files.
     """
     output = Output(None)
+    folder = output_folder(cell, out)
     built = open_cell(cell, output)
     from armtempo.commands.figures._write import draw  # late, as the next: matplotlib, and the planners
     from armtempo.commands.plans import PLANS
@@ -45,7 +46,6 @@ def plot(
     plans = kind(built, planned, output)
     if detail in plans.refusals:
         raise InfeasibleError(plans.refusals[detail])
-    folder = default_folder(built, out)
     with output.progress("Drawing"):
         figures = plans.figures(detail)
     output.pictures(folder, draw(figures, folder, output))

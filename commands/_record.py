@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,14 +21,14 @@ from armtempo.commands.console import (
     Output,
     Seed,
     check_seed,
-    default_folder,
     open_cell,
+    output_folder,
     read_kind_line,
     shown,
     silent_stdout,
 )
 from armtempo.errors import ArmtempoError, RenderError, UnknownNameError
-from armtempo.files import whole_file
+from armtempo.files import check_output, check_output_folder, whole_file
 
 Frame = NDArray[np.uint8]
 
@@ -75,8 +77,9 @@ def record(line: Sequence[str]) -> None:
 
     chosen_policies(policy, kind.policies, episodes=1)  # before a cell is opened, which may take a while
     output = Output(None)
+    target = output_folder(given.cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
+    (check_output if target.suffix else check_output_folder)(target)
     cell = open_cell(given.cell, output)
-    target = default_folder(cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
     # One picture per decision at most; fewer where the film would run faster than screens do.
     skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * cell.control_period * slow) - 1e-9))
     rate = 1.0 / (cell.control_period * slow * skip)
@@ -165,35 +168,76 @@ def film_writer(target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
 
         yield write_file
         return
-    options: dict[str, Any] = (
-        {"format": "GIF", "duration": 1e3 / rate, "loop": 0}
-        if target.suffix.lower() == ".gif"
-        else {"format": "FFMPEG", "fps": rate, "codec": "libx264", "quality": 8, "macro_block_size": 2}
-    )
-    last: list[Frame] = []
     with whole_file(target) as temporary:
-        with _told_of(target):
-            writer: Any = imageio.get_writer(temporary, mode="I", **options)
+        encode = _gif if target.suffix.lower() == ".gif" else _mp4
+        with encode(temporary, target, rate) as write:
+            last: list[Frame] = []
 
-        def write(frame: Frame) -> None:
-            with _told_of(target):
-                writer.append_data(frame)
-            last[:] = [frame]
+            def write_told(frame: Frame) -> None:
+                with _told_of(target):
+                    write(frame)
+                last[:] = [frame]
 
-        try:
-            yield write
+            yield write_told
             for frame in last * round(LAST_PICTURE_HELD * rate):
-                write(frame)
-        finally:
-            with _told_of(target):
-                writer.close()
+                write_told(frame)
+
+
+@contextmanager
+def _gif(file: Path, target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
+    """Encoded in memory: what writes it does not get over a full disk quietly."""
+    import imageio
+
+    film = io.BytesIO()
+    with _told_of(target):
+        writer: Any = imageio.get_writer(film, mode="I", format="GIF", duration=1e3 / rate, loop=0)
+    try:
+        yield writer.append_data
+    finally:
+        with _told_of(target):
+            writer.close()
+    file.write_bytes(film.getbuffer())
+
+
+@contextmanager
+def _mp4(file: Path, target: Path, rate: float) -> Iterator[Callable[[Frame], None]]:
+    """Encoded by a process that does not say at its end whether it could write: its film is looked through."""
+    import imageio
+    from imageio_ffmpeg import count_frames_and_secs
+
+    with _told_of(target):
+        writer: Any = imageio.get_writer(
+            file, mode="I", format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2,
+            ffmpeg_log_level="fatal",
+        )  # fmt: skip
+    written = 0
+
+    def write(frame: Frame) -> None:
+        nonlocal written
+        writer.append_data(frame)
+        written += 1
+
+    try:
+        yield write
+    finally:
+        with _told_of(target):
+            writer.close()
+    with _told_of(target):
+        try:
+            whole = count_frames_and_secs(file)[0] == written
+        except RuntimeError:
+            whole = False
+        if not whole:
+            raise RuntimeError("not all of it got there; the disk may be full")
 
 
 @contextmanager
 def _told_of(target: Path) -> Iterator[None]:
-    """What the encoder complains of becomes a RenderError."""
+    """What the encoder complains of becomes a RenderError; what the system does, of a full disk, is told as it is."""
     try:
         yield
-    except (RuntimeError, ImportError) as error:
+    except (RuntimeError, ImportError, OSError) as error:
+        if isinstance(error, OSError) and error.errno not in (None, errno.EPIPE):  # a pipe: to a process that died
+            raise
         reason = (str(error).splitlines() or ["unknown reason"])[0]
         raise RenderError(f"cannot write {target}: {reason}", remedy="end --out in .gif, or name a folder") from error

@@ -11,6 +11,7 @@ import tyro
 from armtempo.commands.console import JsonFile, Output, new_table, number, shown
 from armtempo.commands.papers._reproduction import Reproduction
 from armtempo.errors import UnknownNameError
+from armtempo.files import check_output_folder
 
 # Imports inside the functions are late: the papers need the planners and matplotlib, and --help is to be quick.
 
@@ -85,10 +86,11 @@ def reproduce(
     from armtempo.commands.figures._write import draw
 
     output = Output(json_file)
+    folder = Path("results") / paper if out is None else out
+    check_output_folder(folder)
     found = PAPERS[paper](output)
     _tabulate(found, output)
     output.json([quantity.to_dict() for quantity in found.quantities])
-    folder = Path("results") / paper if out is None else out
     output.pictures(folder, draw(found.figures, folder, output))
 
 

@@ -7,7 +7,16 @@ from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
+from armtempo.commands.console import (
+    TRAINING_SEED_MAX,
+    JsonFile,
+    Output,
+    check_count,
+    check_seed,
+    new_table,
+    number,
+    shown,
+)
 
 TABLE_ROWS = 10  # of the table: the best
 
@@ -32,7 +41,7 @@ def sweep(
         json_file: Write all trials there as JSON, the best first; "-" for nothing but JSON on stdout.
     """
     check_count("--trials", trials, 20)
-    check_seed(seed)
+    check_seed(seed, TRAINING_SEED_MAX)
     from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_sweep_config
 
@@ -44,7 +53,11 @@ def sweep(
         def on_trial(trial: agents.SweepTrial, finished: int) -> None:
             progress.update(task, completed=finished, description=f"Trial {trial.number}: {trial.objective:.4g}")
 
-        done = agents.sweep(chosen, folder, trials, objective=agents.training_gap, seed=seed, on_trial=on_trial)
+        try:
+            done = agents.sweep(chosen, folder, trials, objective=agents.training_gap, seed=seed, on_trial=on_trial)
+        except KeyboardInterrupt as stop:
+            stop.add_note(f"finished trials are kept in {folder}; the same line goes on, without the one it was at")
+            raise
     table = new_table(
         f"{chosen.name}: the best of {len(done)} trials of {chosen.total_steps} steps",
         "objective: gap to the certified bound [%], or minus 100 x the reward of one arm; lower is better",

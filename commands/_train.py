@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, check_count, check_seed, new_table, number, shown
+from armtempo.commands.console import (
+    TRAINING_SEED_MAX,
+    JsonFile,
+    Output,
+    check_count,
+    check_seed,
+    new_table,
+    number,
+    shown,
+)
 
 if TYPE_CHECKING:
     from armtempo.agents import Training
@@ -42,11 +51,13 @@ def train(
         config: Name of a bundled training, or your own YAML file.
         seed: Of everything that is drawn.
         output: Folder for its files.
-        resume: Go on from the checkpoint there: the outcome is that of a training that was never interrupted.
-        steps: Agent steps: decisions of one learning arm.
+        resume: Go on from the checkpoint there: the outcome is that of a training that was never interrupted. With more
+            --steps, also behind its end: that of one that had so many from the start, unless something is scheduled
+            over its length (learning_rate_end, undisturbed_until). Ctrl-C and SIGTERM save before they end.
+        steps: Agent steps in all: decisions of one learning arm.
         json_file: Write the learning curve there as JSON; "-" for nothing but JSON on stdout.
     """
-    check_seed(seed)
+    check_seed(seed, TRAINING_SEED_MAX)
     check_count("--steps", steps, 100000)
     from armtempo import agents  # late: torch; --help is to be quick
     from armtempo.configs import load_train_config

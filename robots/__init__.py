@@ -8,6 +8,8 @@ from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._numba import inlined, njit, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
+from armtempo.robots._urdf_text import principal_moments, urdf_text
+from armtempo.robots._visuals import Visual, read_visuals
 
 __all__ = [
     "Arm",
@@ -18,11 +20,15 @@ __all__ = [
     "Nearest",
     "Shape",
     "Tool",
+    "Visual",
     "inlined",
     "njit",
     "pack_bodies",
+    "principal_moments",
+    "read_visuals",
     "separation",
     "shape_distance",
     "static_shape",
     "unlocked",
+    "urdf_text",
 ]

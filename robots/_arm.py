@@ -16,6 +16,16 @@ from armtempo.errors import RobotError, check_keywords
 from armtempo.robots import _kernels as kernels
 from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
+from armtempo.robots._sizes import (
+    FORCE_MAX,
+    GRAVITY_MAX,
+    INERTIA_MAX,
+    LENGTH_MAX,
+    LIMIT_MAX,
+    MASS_MAX,
+    read_array,
+    read_number,
+)
 from armtempo.robots._urdf import Chain, ChainJoint, Unphysical, merge_inertia, read_urdf
 
 __all__ = ["Arm", "Tool"]
@@ -46,24 +56,17 @@ class Tool:
     """(v, 3) points whose convex hull is the collision body [m]; None: no body."""
 
     def __post_init__(self) -> None:
-        for name, default, shape in (
-            ("T_link_tool", np.eye(4), (4, 4)),
-            ("com", np.zeros(3), (3,)),
-            ("inertia", np.zeros((3, 3)), (3, 3)),
-        ):
-            given = getattr(self, name)
-            value = _frozen(default if given is None else given)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise RobotError(f"tool {name} is not {shape} numbers", remedy="give finite numbers", element="tool")
-            object.__setattr__(self, name, value)
-        assert self.T_link_tool is not None
-        assert self.inertia is not None
-        check_pose(self.T_link_tool, "tool frame")
-        bad = not 0.0 <= self.mass < math.inf or not np.allclose(self.inertia, self.inertia.T)
-        if bad or float(np.linalg.eigvalsh(self.inertia)[0]) < -1e-12:
+        frame = check_pose(np.eye(4) if self.T_link_tool is None else self.T_link_tool, "tool frame")
+        com = read_array(np.zeros(3) if self.com is None else self.com, (3,), LENGTH_MAX, "tool com", "m")
+        inertia = np.zeros((3, 3)) if self.inertia is None else self.inertia
+        inertia = read_array(inertia, (3, 3), INERTIA_MAX, "tool inertia", "kg m^2")
+        bad = not 0.0 <= read_number(self.mass) <= MASS_MAX or not np.allclose(inertia, inertia.T)
+        if bad or float(np.linalg.eigvalsh(inertia)[0]) < -1e-12:
             raise RobotError("tool has a negative mass or inertia", remedy="give physical values", element="tool")
+        for name, value in (("T_link_tool", frame), ("com", com), ("inertia", inertia)):
+            object.__setattr__(self, name, _frozen(value))
         if self.hull is not None:
-            object.__setattr__(self, "hull", _frozen(self.hull))
+            object.__setattr__(self, "hull", _frozen(read_array(self.hull, (None, 3), LENGTH_MAX, "tool hull", "m")))
 
 
 class JointKeywords(TypedDict, total=False):
@@ -104,7 +107,7 @@ class Arm:
     torque_max: Floats
     """(n,) [N m or N], for both signs."""
     acceleration_max: Floats
-    """(n,) [rad/s^2 or m/s^2], for both signs; inf: no limit. A URDF has none."""
+    """(n,) [rad/s^2 or m/s^2], for both signs; inf: no limit. Only URDF 1.2 has some."""
     damping: Floats
     """(n,) viscous friction [N m s/rad or N s/m]."""
     coulomb: Floats
@@ -147,7 +150,7 @@ class Arm:
                 ``torque_max`` (n,) in place of its effort limits [N m or N];
                 ``speed_max`` (n,) of its velocity limits [rad/s or m/s];
                 ``position_limits`` (n, 2) of its lower and upper ones [rad or m];
-                ``acceleration_max`` (n,) [rad/s^2 or m/s^2], where None entries are no limit;
+                ``acceleration_max`` (n,) of its acceleration limits, which only URDF 1.2 has [rad/s^2 or m/s^2];
                 ``damping`` (n,) viscous friction, of its <dynamics damping> [N m s/rad or N s/m];
                 ``coulomb`` (n,) Coulomb friction, of its <dynamics friction> [N m or N].
 
@@ -160,16 +163,13 @@ class Arm:
         chain = read_urdf(file, tip_link, unphysical_inertia)
         joints = chain.joints
         n = len(joints)
-        T_base = np.eye(4) if T_world_base is None else np.asarray(T_world_base, dtype=np.float64)
-        check_pose(T_base, f"base of {name or chain.name!r}")
-        g = np.asarray(gravity, dtype=np.float64)
-        if g.shape != (3,) or not np.isfinite(g).all():
-            raise RobotError("gravity is not three numbers", remedy="give (x, y, z) in m/s^2", element="gravity")
-
+        T_base = check_pose(np.eye(4) if T_world_base is None else T_world_base, f"base of {name or chain.name!r}")
+        g = read_array(gravity, (3,), GRAVITY_MAX, "gravity (x, y, z)", "m/s^2")
         torque = _limits(file, joints, "effort", "torque_max", given.get("torque_max"))
         speed = _limits(file, joints, "velocity", "speed_max", given.get("speed_max"))
         position = _position_limits(file, joints, given.get("position_limits"))
-        acceleration = _filled([math.inf] * n, joints, "acceleration_max", given.get("acceleration_max"), zero=False)
+        own = [math.inf if joint.acceleration is None else joint.acceleration for joint in joints]
+        acceleration = _filled(own, joints, "acceleration_max", given.get("acceleration_max"), zero=False)
         viscous = _filled([joint.damping for joint in joints], joints, "damping", given.get("damping"))
         dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", given.get("coulomb"))
 
@@ -205,7 +205,10 @@ class Arm:
 
     def _rows(self, values: ArrayLike, what: str) -> tuple[Floats, tuple[int, ...]]:
         """A contiguous, writable copy (N, n), so that every kernel is compiled once only; and the leading axes."""
-        array = np.array(values, dtype=np.float64, order="C")
+        try:
+            array = np.array(values, dtype=np.float64, order="C")
+        except (TypeError, ValueError, OverflowError):
+            array = np.array(math.nan)
         if array.ndim == 0 or array.shape[-1] != self.dof:
             raise RobotError(
                 f"arm {self.name!r}: {what} has shape {array.shape}",
@@ -264,7 +267,10 @@ class Arm:
 
         Friction is ``damping * qd + coulomb * sign(qd)``: a joint at rest has none.
         """
-        given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
+        try:
+            given = [np.asarray(values, dtype=np.float64) for values in (q, qd, qdd)]
+        except (TypeError, ValueError, OverflowError) as error:
+            raise RobotError(f"arm {self.name!r}: q, qd, qdd are not numbers", remedy="give (..., n)") from error
         try:
             given = [np.broadcast_to(array, np.broadcast_shapes(*(a.shape for a in given))) for array in given]
         except ValueError as error:
@@ -338,26 +344,30 @@ def _model(chain: Chain, damping: Floats, gravity: Floats, T_base: Floats) -> Ar
     )
 
 
-def _check_length(given: Sequence[object] | Floats, n: int, key: str) -> None:
-    if len(given) != n:
-        raise RobotError(f"{key} has {len(given)} entries", remedy=f"give {n}, one per joint", element=key)
+def _entries(given: Sequence[Any] | Floats | None, n: int, key: str) -> list[Any]:
+    """One entry per joint; all None where nothing is given."""
+    if given is None:
+        return [None] * n
+    try:
+        entries = [] if isinstance(given, str) else list(given)
+    except TypeError:
+        entries = []
+    if len(entries) != n:
+        raise RobotError(f"{key} has {len(entries)} entries", remedy=f"give {n}, one per joint", element=key)
+    return entries
 
 
 def _limits(
     file: Path, joints: tuple[ChainJoint, ...], attribute: str, key: str, given: Sequence[float | None] | Floats | None
 ) -> Floats:
-    if given is not None:
-        _check_length(given, len(joints), key)
     values = []
-    for i, joint in enumerate(joints):
-        own = None if given is None else given[i]
-        value = getattr(joint, attribute) if own is None else float(own)
+    for i, (joint, own) in enumerate(zip(joints, _entries(given, len(joints), key), strict=True)):
+        value = getattr(joint, attribute) if own is None else read_number(own)
         element = f"joint {joint.name!r}"
+        if own is not None and not 0.0 < value <= LIMIT_MAX:
+            remedy = f"give a limit > 0 and up to {LIMIT_MAX:g}"
+            raise RobotError(f"{key}[{i}] = {own!r:.60} for {element} is not > 0", remedy=remedy, element=element)
         if value is None or not value > 0.0:
-            if own is not None:
-                raise RobotError(
-                    f"{key}[{i}] = {own} for {element} is not > 0", remedy="give a limit > 0", element=element
-                )
             raise RobotError(
                 f"{file}: {element} has no {attribute} limit"
                 if value is None
@@ -378,18 +388,17 @@ def _filled(
     *,
     zero: bool = True,
 ) -> Floats:
-    """One value per joint: the given one, or the default where it is None."""
-    if given is None:
-        return _frozen(default)
-    _check_length(given, len(joints), key)
+    """One value per joint: the given one, or the default where it is None. ``zero``: friction; else a limit, or inf."""
     values = []
-    for i, (own, otherwise) in enumerate(zip(given, default, strict=True)):
-        value = otherwise if own is None else float(own)
-        if not value >= 0.0 or (value == math.inf if zero else value == 0.0):
-            what = ">= 0 and finite" if zero else "> 0"
+    for i, own in enumerate(_entries(given, len(joints), key)):
+        value = default[i] if own is None else read_number(own)
+        if not (0.0 <= value <= FORCE_MAX if zero else 0.0 < value <= LIMIT_MAX or value == math.inf):
+            what, most = (">= 0 and finite", FORCE_MAX) if zero else ("> 0", LIMIT_MAX)
             element = f"joint {joints[i].name!r}"
             raise RobotError(
-                f"{key}[{i}] = {own} for {element} is not {what}", remedy=f"give a number {what}", element=element
+                f"{key}[{i}] = {own!r:.60} for {element} is not {what}",
+                remedy=f"give a number {what}, up to {most:g}",
+                element=element,
             )
         values.append(value)
     return _frozen(values)
@@ -398,17 +407,15 @@ def _filled(
 def _position_limits(
     file: Path, joints: tuple[ChainJoint, ...], given: Sequence[Sequence[float] | None] | Floats | None
 ) -> Floats:
-    if given is not None:
-        _check_length(given, len(joints), "position_limits")
     rows = []
-    for i, joint in enumerate(joints):
-        own = None if given is None else given[i]
+    for i, (joint, own) in enumerate(zip(joints, _entries(given, len(joints), "position_limits"), strict=True)):
         element = f"joint {joint.name!r}"
-        if own is not None and len(own) != 2:
+        pair = (joint.lower, joint.upper) if own is None else _pair(own)
+        if pair is None:
             raise RobotError(
                 f"position_limits[{i}] for {element} is not a pair", remedy="give [lower, upper]", element=element
             )
-        lower, upper = (joint.lower, joint.upper) if own is None else (float(own[0]), float(own[1]))
+        lower, upper = pair
         if lower is None or upper is None or not lower < upper:
             raise RobotError(
                 f"{file}: {element} has no position limits with lower < upper",
@@ -418,3 +425,14 @@ def _position_limits(
             )
         rows.append((lower, upper))
     return _frozen(rows)
+
+
+def _pair(given: Any) -> tuple[float, float] | None:
+    """Two numbers, infinite ones too (a joint may turn without end); None: no pair."""
+    try:
+        lower, upper = given
+    except (TypeError, ValueError):
+        return None
+    low, high = read_number(lower), read_number(upper)
+    sane = all(abs(value) <= LIMIT_MAX or math.isinf(value) for value in (low, high))
+    return (low, high) if sane else None

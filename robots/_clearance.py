@@ -21,7 +21,7 @@ import fcl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats, Ints
+from armtempo.arrays import Floats, Ints, all_finite
 from armtempo.errors import RobotError
 from armtempo.robots._arm import Arm
 from armtempo.robots._kernels import segment_distance
@@ -90,12 +90,15 @@ class _Scene(NamedTuple):
         # A result that already holds -inf is left alone, which saves python-fcl's bookkeeping; the distance comes back.
         told = float(fcl.distance(self.placed[a], self.placed[b], _REQUEST, fcl.DistanceResult(-math.inf)))
         tolerance = max(self.tolerance[a], self.tolerance[b])
+        if not math.isfinite(told):
+            raise RobotError(f"FCL tells {told} for a distance", remedy="look for numbers that are not finite")
         if tolerance <= ANALYTIC_TOLERANCE:
             return told
         told, bound = told - tolerance, max(bound, 0.0)
         if told <= bound:
             return bound
-        return max(min(told, _proven(self.bodies, self.frames, self.frame, a, b, told)), bound)
+        proven = _proven(self.bodies, self.frames, self.frame, a, b, told)
+        return min(told, proven) if proven > bound else bound  # also where nothing is proven
 
 
 def shape_distance(shape_a: Shape, T_a: ArrayLike, shape_b: Shape, T_b: ArrayLike) -> float:
@@ -129,7 +132,7 @@ def _bounds(
     """Frames (F, 3, 4) of the moving arms, then capsule distances of the pairs (P, 2) into bounds (P,).
 
     Rows of joints and q go with frames: placement R (9), p (3), axis (3), prismatic; a base has its world pose.
-    Returns the pair with the smallest bound, -1 without pairs, -2 for a q that is not finite.
+    Returns the pair with the smallest bound, -1 without pairs, -2 for a q that is not finite, -3 for such distances.
     """
     for m in range(movers.shape[0]):
         for f in range(first_frame[movers[m]] + 1, first_frame[movers[m] + 1]):
@@ -159,13 +162,14 @@ def _bounds(
         for r in range(3):
             axes[k, 0, r] = T[r, 3] + T[r, 0] * C[0] + T[r, 1] * C[1] + T[r, 2] * C[2]
             axes[k, 1, r] = T[r, 3] + T[r, 0] * C[3] + T[r, 1] * C[4] + T[r, 2] * C[5]
-    best = -1
+    best, total = -1, 0.0
     for k in range(pairs.shape[0]):
         a, b = pairs[k, 0], pairs[k, 1]
         bounds[k] = segment_distance(axes[a, 0], axes[a, 1], axes[b, 0], axes[b, 1]) - capsules[a, 6] - capsules[b, 6]
         if best < 0 or bounds[k] < bounds[best]:
             best = k
-    return best
+        total += bounds[k]
+    return best if math.isfinite(total) else -3  # NaN would pass for the distance of whatever is far away
 
 
 def _joint_rows(arms: Sequence[Arm]) -> tuple[Ints, Floats]:
@@ -206,6 +210,9 @@ class Clearance:
     """
 
     def __init__(self, arms: Sequence[Arm], obstacles: Sequence[Shape] = ()) -> None:
+        for arm in arms:
+            if not all_finite(*arm.model, arm.T_world_base):
+                raise RobotError(f"the model of arm {arm.name!r} is not finite", remedy="give finite numbers")
         self._first, self._joints = _joint_rows(arms)
         first = self._first.tolist()
         carried = [(i, shape) for i, arm in enumerate(arms) for shape in arm.shapes]
@@ -337,7 +344,10 @@ class Clearance:
     def _set(self, i: int, q: ArrayLike) -> None:
         if not 0 <= i < len(self._q_of):
             self._unknown((i,))
-        array = np.asarray(q, dtype=np.float64)
+        try:
+            array = np.asarray(q, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            array = np.array(math.nan)
         if array.shape != (self._dof[i],):
             raise RobotError(
                 f"arm {self._arm_names[i]!r}: q has shape {array.shape}",
@@ -364,8 +374,9 @@ class Clearance:
         _, pairs, bounds = query
         first = self._bound(query)
         if first < 0:
-            if first == -2:
-                raise RobotError("joint positions are not finite", remedy="give finite numbers", element="q")
+            if first < -1:
+                what = "joint positions" if first == -2 else "distances between bodies"
+                raise RobotError(f"{what} are not finite", remedy="give finite numbers", element="q")
             return Nearest(math.inf, "", "", True)
         if bounds[first] >= cutoff:
             a, b = pairs[first]

@@ -9,13 +9,18 @@ into it. Here a cached function also knows the digest of all files with kernels,
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
+
+from armtempo.cache import private_folder
 
 __all__ = ["inlined", "njit", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
+LOG = logging.getLogger("armtempo")
 MARKS = (b"@njit", b"@inlined", b"@unlocked")
 
 
@@ -55,11 +60,35 @@ else:
             super().__init__(function)
             self._cache_file._version = f"{numba.__version__} {_DIGEST}"
 
+    def _cache_of(function: Callable[..., object]) -> _Cache | None:
+        """By the package, in the home, or else among the temporary files; None: no folder can be written."""
+        try:
+            return _Cache(function)
+        except RuntimeError:  # numba: no locator available
+            named, private = numba.config.CACHE_DIR, private_folder()
+            try:
+                numba.config.CACHE_DIR = str(private / "numba") if private is not None else ""
+                return _Cache(function)
+            except RuntimeError:
+                _tell_that_nothing_is_kept()
+                return None
+            finally:
+                numba.config.CACHE_DIR = named
+
+    @cache
+    def _tell_that_nothing_is_kept() -> None:
+        LOG.warning(
+            "no folder to keep compiled kernels in: each process compiles them anew, which takes a minute or more "
+            "(set NUMBA_CACHE_DIR to a folder that can be written)"
+        )
+
     def _compiled(**options: object) -> Callable[[F], F]:
         def decorate(function: F) -> F:
             dispatcher = numba.njit(error_model="numpy", **options)(function)
             if hasattr(dispatcher, "enable_caching"):  # else NUMBA_DISABLE_JIT has given the function back
-                dispatcher._cache = _Cache(function)
+                kept = _cache_of(function)
+                if kept is not None:
+                    dispatcher._cache = kept
             return dispatcher
 
         return decorate

@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armtempo.arrays import Floats, Ints
+from armtempo.arrays import Floats, Ints, all_finite
+from armtempo.errors import RobotError
 from armtempo.robots._numba import njit
 from armtempo.robots._shapes import Shape
 
@@ -44,7 +45,11 @@ class Bodies(NamedTuple):
 
 
 def pack_bodies(shapes: Sequence[Shape]) -> Bodies:
-    """The shapes as arrays; index = shape index."""
+    """The shapes as arrays; index = shape index.
+
+    Raises:
+        RobotError: A number of a shape is not finite: no distance to it would mean anything.
+    """
     points: list[Floats] = []
     disc, radius = np.zeros((len(shapes), 4)), np.zeros(len(shapes))
     for k, shape in enumerate(shapes):
@@ -58,6 +63,12 @@ def pack_bodies(shapes: Sequence[Shape]) -> Bodies:
             own = T[:3, 3] + np.outer([-0.5 * shape.size[1], 0.5 * shape.size[1]], T[:3, 2])
         elif shape.exact:
             radius[k] = shape.size[0]
+        if not all_finite(T, own, shape.points, *shape.capsule[:2], np.array([*shape.size, shape.capsule[2]])):
+            raise RobotError(
+                f"the collision shape of {shape.link_name!r} is not finite",
+                remedy="give finite numbers",
+                element=shape.link_name,
+            )
         points.append(own)
     return Bodies(
         vertices=np.concatenate([np.zeros((0, 3)), *points]),

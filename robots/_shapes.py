@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,14 +19,30 @@ from scipy.spatial import QhullError
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import RobotError, UnknownNameError
 from armtempo.robots._model import Capsules
+from armtempo.robots._sizes import LENGTH_MAX, read_array, read_number
 
-__all__ = ["ANALYTIC_TOLERANCE", "GJK_TOLERANCE", "SHAPE_KINDS", "Shape", "make_shape", "pack", "static_shape"]
+__all__ = [
+    "ANALYTIC_TOLERANCE",
+    "GJK_TOLERANCE",
+    "MESH_LENGTH_USUAL",
+    "SHAPE_KINDS",
+    "Shape",
+    "hull_length",
+    "make_shape",
+    "pack",
+    "static_shape",
+]
 
 ANALYTIC_TOLERANCE: Final = 1e-9
 """Error of FCL's closed-form capsule distances [m]."""
 GJK_TOLERANCE: Final = 5e-4
 """FCL's GJK reads up to 2e-4 m too long on rare pairs of robot hulls: subtracted from its results, which is not enough
 for all other kinds, so ``Clearance`` has them proven too [m]."""
+
+MESH_LENGTH_USUAL: Final = 10.0
+"""A mesh that is longer is likely to be in millimetres [m]."""
+THICKNESS_MIN: Final = 1e-6
+"""Of a hull [m]: thinner ones are points in a plane, on a line or in one place."""
 
 SIZE_NAMES: Final = {
     "capsule": ("radius", "length"),
@@ -34,6 +51,7 @@ SIZE_NAMES: Final = {
     "cylinder": ("radius", "length"),
 }
 SHAPE_KINDS: Final = (*SIZE_NAMES, "convex")
+_LOG = logging.getLogger("armtempo")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -143,17 +161,26 @@ class _Hull(NamedTuple):
     capsule: tuple[Floats, Floats, float]
 
 
+def _thickness(points: Floats) -> float:
+    """How far the points reach across the plane that fits them best [m]."""
+    relative = points - points.mean(axis=0)
+    across = np.linalg.eigh(relative.T @ relative)[1][:, 0]
+    return float(np.ptp(relative @ across))
+
+
 @lru_cache(maxsize=256)
 def _hull(data: bytes) -> _Hull:
     """Hull of the points in ``data``; cached, since arms of one kind share their meshes. Raises ValueError."""
     points = np.frombuffer(data, dtype=np.float64).reshape(-1, 3)
+    if len(points) < 4 or _thickness(points) < THICKNESS_MIN:
+        raise ValueError("its points span no volume")
     try:
         mesh = trimesh.convex.convex_hull(points)
-    except (QhullError, ValueError, IndexError) as error:
+        to_box = _to_box(_frozen(mesh.vertices))
+    except (QhullError, ValueError, IndexError, TypeError) as error:  # a few micrometres flat
         raise ValueError("its points span no volume") from error
     vertices, faces = _frozen(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
     faces.setflags(write=False)
-    to_box = _to_box(vertices)
     R, p = to_box[:3, :3], to_box[:3, 3]
     boxed = vertices @ R.T + p
     corners = (_box_corners(boxed.min(axis=0) - 1e-9, boxed.max(axis=0) + 1e-9) - p) @ R
@@ -162,22 +189,24 @@ def _hull(data: bytes) -> _Hull:
 
 def _checked_size(kind: str, size: Sequence[float], link_name: str) -> tuple[float, ...]:
     names = SIZE_NAMES.get(kind, ())
-    size = tuple(float(v) for v in size)
-    positive = [0.0 < v < math.inf for v in size]
+    size = tuple(read_number(v) for v in np.ravel(np.asarray(size, dtype=object)))
+    positive = [0.0 < v <= LENGTH_MAX for v in size]
     if kind == "capsule" and len(size) == 2:
-        positive[1] = 0.0 <= size[1] < math.inf
+        positive[1] = 0.0 <= size[1] <= LENGTH_MAX
     if len(size) != len(names) or not all(positive):
         raise RobotError(
             f"collision shape of {link_name!r}: a {kind} cannot have the size {list(size)}",
-            remedy=f"give {', '.join(names) or 'no size'} in metres, greater than 0",
+            remedy=f"give {', '.join(names) or 'no size'} in metres, greater than 0 and up to {LENGTH_MAX:g}",
             element=link_name,
         )
     return size
 
 
 def _convex(vertices: ArrayLike | None, link_name: str) -> _Hull:
+    what = f"collision hull of {link_name!r}: the list of its points"
+    points = read_array(np.zeros((0, 3)) if vertices is None else vertices, (None, 3), LENGTH_MAX, what, "m")
     try:
-        return _hull(np.asarray(() if vertices is None else vertices, dtype=np.float64).tobytes())
+        return _hull(points.tobytes())
     except ValueError as error:
         raise RobotError(
             f"collision hull of {link_name!r}: {error}",
@@ -257,18 +286,30 @@ def static_shape(
     """
     if kind == "mesh":
         kind, vertices = "convex", load_mesh(Path(file or ""), element=name)
-    T = np.eye(4) if T_world is None else np.asarray(T_world, dtype=np.float64)
-    check_pose(T, f"pose of {name!r}")
-    return make_shape(kind, size, T, link=-1, link_name=name, vertices=vertices)
+    T = check_pose(np.eye(4) if T_world is None else T_world, f"pose of {name!r}")
+    shape = make_shape(kind, size, T, link=-1, link_name=name, vertices=vertices)
+    if file is not None and hull_length(shape) > MESH_LENGTH_USUAL:
+        _LOG.warning("the mesh %r of %r is %.0f m long: is it in millimetres?", str(file), name, hull_length(shape))
+    return shape
+
+
+def hull_length(shape: Shape) -> float:
+    """Longest side of a hull's box [m]; 0 of other shapes."""
+    return 0.0 if shape.vertices is None else float(np.ptp(shape.vertices, axis=0).max())
 
 
 def load_mesh(file: Path, *, element: str) -> Floats:
     """Vertices (v, 3) of a mesh file. Raises RobotError."""
+    return load_triangles(file, element=element)[0]
+
+
+def load_triangles(file: Path, *, element: str) -> tuple[Floats, Ints]:
+    """Vertices (v, 3) and triangles (f, 3) of a mesh file. Raises RobotError."""
     try:
         mesh = trimesh.load_mesh(str(file), process=False)
         if not len(mesh.faces):
             raise ValueError("it has no triangles")
-        return np.array(mesh.vertices, dtype=np.float64)
+        return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
     except Exception as error:
         raise RobotError(
             f"{element}: cannot read the mesh {str(file)!r}: {error or type(error).__name__}",
@@ -278,13 +319,20 @@ def load_mesh(file: Path, *, element: str) -> Floats:
         ) from error
 
 
-def check_pose(T: Floats, what: str) -> None:
-    """Raise RobotError unless T is a (4, 4) rigid transform."""
-    good = T.shape == (4, 4) and bool(np.isfinite(T).all()) and np.allclose(T[3], [0, 0, 0, 1])
-    if not good or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6) or np.linalg.det(T[:3, :3]) < 0:
-        raise RobotError(
-            f"{what} is not a rigid transform", remedy="give a (4, 4) rotation and translation", element=what
-        )
+def check_pose(values: ArrayLike, what: str) -> Floats:
+    """``values`` as an array. Raises RobotError unless it is a (4, 4) rigid transform of no absurd size."""
+    try:
+        T = read_array(values, (4, 4), LENGTH_MAX, what)
+        turned = np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6) and np.linalg.det(T[:3, :3]) > 0
+        if turned and np.allclose(T[3], [0, 0, 0, 1]):
+            return T
+    except RobotError:
+        pass
+    raise RobotError(
+        f"{what} is not a rigid transform",
+        remedy=f"give a (4, 4) rotation and translation, finite and up to {LENGTH_MAX:g} m",
+        element=what,
+    )
 
 
 def pack(shapes: Sequence[Shape]) -> Capsules:

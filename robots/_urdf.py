@@ -17,11 +17,13 @@ import yourdfpy
 
 from armtempo.arrays import Floats
 from armtempo.errors import RobotError
-from armtempo.robots._shapes import Shape, load_mesh, make_shape
+from armtempo.robots._shapes import MESH_LENGTH_USUAL, Shape, hull_length, load_mesh, make_shape
+from armtempo.robots._urdf_numbers import check_numbers, has_no_size, numbers_of
 
-__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "merge_inertia", "read_urdf"]
+__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia", "read_urdf"]
 
 MOVABLE_TYPES: Final = ("revolute", "continuous", "prismatic")
+LIMITS_OF_URDF_1_2: Final = ("acceleration", "deceleration", "jerk")
 Unphysical = Literal["refuse", "point-mass"]
 _LOG = logging.getLogger("armtempo")
 
@@ -48,6 +50,7 @@ class ChainJoint:
     upper: float | None
     effort: float | None
     velocity: float | None
+    acceleration: float | None
     damping: float
     coulomb: float
     body: Body
@@ -80,15 +83,33 @@ def read_urdf(file: Path, tip_link: str | None, unphysical_inertia: Unphysical =
 
     Movable joints off the chain are held at zero. Raises RobotError naming the file, the element and the remedy.
     """
-    return _Reader(file, unphysical_inertia).chain(tip_link)
+    return UrdfReader(file, unphysical_inertia).chain(tip_link)
 
 
-class _Reader:
+class UrdfReader:
+    """A robot's file as a tree of links.
+
+    Attributes:
+        file: Its name.
+        visuals: The <visual> elements of every link, as they are: nobody has looked at them.
+    """
+
     def __init__(self, file: Path, unphysical_inertia: Unphysical) -> None:
         self.file = file
         self.unphysical_inertia = unphysical_inertia
-        robot, self.capsules, self.visible = self._parse()
-        self.robot = robot
+        self.visuals: dict[str, list[ET.Element]] = {}
+        self.capsules: dict[tuple[str, int], tuple[float, float]] = {}
+        """Radius and length of PyBullet's <capsule> elements, which yourdfpy refuses, by link and collision."""
+        self.visible: set[str] = set()
+        """Links that have geometry."""
+        self.accelerations: dict[str, float] = {}
+        """Limits of joints (URDF 1.2)."""
+        self.unkept: dict[str, list[str]] = {}
+        """Joints that have limits of a kind that is not kept."""
+        self.hints: list[str] = []
+        """What is left out, or looks odd."""
+        self.huge_meshes: list[str] = []
+        self.robot = robot = self._parse()
         self.links = {link.name: link for link in robot.links}
         self.parent_joint: dict[str, Any] = {}
         self.children: dict[str, list[Any]] = {name: [] for name in self.links}
@@ -113,32 +134,63 @@ class _Reader:
         close = get_close_matches(name, known, n=1)
         return (f"did you mean {close[0]!r}? " if close else "") + f"links: {', '.join(known)}"
 
-    def _parse(self) -> tuple[Any, dict[tuple[str, int], tuple[float, float]], set[str]]:
-        """The robot as yourdfpy has it; PyBullet's <capsule> elements, which it refuses; links that have geometry."""
+    def _parse(self) -> Any:
+        """The robot as yourdfpy has it, and what that leaves out."""
         root = self._xml()
         for kind in ("link", "joint"):
             names = [element.get("name", "") for element in root.findall(kind)]
             for name in names:
                 if not name or names.count(name) > 1:
                     self.fail(f"{kind} {name!r}", "has no name of its own", "give each one its own name")
-        capsules: dict[tuple[str, int], tuple[float, float]] = {}
-        visible: set[str] = set()
+        check_numbers(root, self.fail)
+        for joint in root.findall("joint"):
+            self._look_at_joint(joint)
+        for name, joints in sorted(self.unkept.items()):
+            self.hints.append(f"{name} limits are not kept; those of {', '.join(joints)} are left out")
         for link in root.findall("link"):
-            name = link.get("name", "")
-            if link.find("visual") is not None or link.find("collision") is not None:
-                visible.add(name)
-            for visual in link.findall("visual"):
-                link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
-            for index, collision in enumerate(link.findall("collision")):
-                capsule = self._take_capsule(name, index, collision)
-                if capsule is not None:
-                    capsules[name, index] = capsule
+            self._look_at_link(link)
         try:
             text = io.BytesIO(ET.tostring(root))
-            robot = yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
         except Exception as error:  # noqa: BLE001 - yourdfpy lets KeyError, AttributeError, ValueError through
             self.fail("file", f"is not a valid URDF: {type(error).__name__}: {error}", "check it with check_urdf")
-        return robot, capsules, visible
+
+    def _look_at_joint(self, joint: ET.Element) -> None:
+        element = f"joint {joint.get('name')!r}"
+        for end in ("parent", "child"):
+            found = joint.find(end)
+            if found is None or not found.get("link"):
+                self.fail(element, f"has no <{end} link=...>", "name the link that it joins")
+        limit = joint.find("limit")
+        if limit is None:
+            return
+        given = {name: numbers_of(limit.get(name, ""))[0] for name in LIMITS_OF_URDF_1_2 if name in limit.attrib}
+        for name, value in given.items():
+            if not value > 0.0:
+                self.fail(element, f"has {name}={value:g}", "give a limit > 0, or leave it out")
+        if "acceleration" in given:
+            self.accelerations[joint.get("name", "")] = given["acceleration"]
+        if given.get("deceleration", math.inf) >= given.get("acceleration", math.inf):
+            given.pop("deceleration", None)  # acceleration limits are kept in both directions
+        for name in given.keys() - {"acceleration"}:
+            self.unkept.setdefault(name, []).append(joint.get("name", ""))
+
+    def _look_at_link(self, link: ET.Element) -> None:
+        name = link.get("name", "")
+        for collision in link.findall("collision"):
+            geometry = collision.find("geometry")
+            if geometry is not None and len(geometry) and has_no_size(geometry[0]):
+                self.hints.append(f"link {name!r} has a collision <{geometry[0].tag}> without any size: left out")
+                link.remove(collision)
+        if link.find("visual") is not None or link.find("collision") is not None:
+            self.visible.add(name)
+        self.visuals[name] = link.findall("visual")
+        for visual in self.visuals[name]:
+            link.remove(visual)  # not ours; and yourdfpy would refuse its capsules
+        for index, collision in enumerate(link.findall("collision")):
+            capsule = self._take_capsule(name, index, collision)
+            if capsule is not None:
+                self.capsules[name, index] = capsule
 
     def _xml(self) -> ET.Element:
         try:
@@ -165,12 +217,8 @@ class _Reader:
             self.fail(f"link {name!r}", f"collision {index} has no shape", "add one inside its <geometry>")
         if shape.tag != "capsule":
             return None
-        try:
-            capsule = float(shape.attrib["radius"]), float(shape.attrib["length"])
-        except (KeyError, ValueError):
-            self.fail(f"link {name!r}", "has a bad <capsule>", "give radius and length in metres")
         shape.tag = "cylinder"
-        return capsule
+        return float(shape.attrib["radius"]), float(shape.attrib["length"])
 
     def _tip(self, tip_link: str | None) -> str:
         if tip_link is not None:
@@ -195,9 +243,24 @@ class _Reader:
             for name, link in self.links.items()
             for index, collision in enumerate(link.collisions)
         ]
+        if self.huge_meshes:
+            self.hints.append(
+                f"{self.huge_meshes[0]}, {len(self.huge_meshes)} such in all: are they in millimetres? "
+                'Then write <mesh scale="0.001 0.001 0.001" .../>'
+            )
+        for hint in self.hints:
+            _LOG.warning("%s: %s", self.file, hint)
         return Chain(
-            name=self.robot.name, joints=tuple(joints), shapes=tuple(shapes), tip_link=tip, T_last_tip=place[tip][1]
+            name=self.robot.name or "robot",
+            joints=tuple(joints),
+            shapes=tuple(shapes),
+            tip_link=tip,
+            T_last_tip=place[tip][1],
         )
+
+    def places(self, tip_link: str) -> dict[str, tuple[int, Floats]]:
+        """Of each link: the moving link on the way to the tip that carries it (-1: the base), and its pose there."""
+        return self._places(self._movable(self._tip(tip_link)))[0]
 
     def _movable(self, tip: str) -> list[Any]:
         """The movable joints from the root to the tip."""
@@ -265,9 +328,8 @@ class _Reader:
         mass, inertia = inertial.mass, inertial.inertia
         if mass is None or inertia is None:
             self.fail(f"link {name!r}", "has an <inertial> without mass or inertia", "add both")
-        finite = math.isfinite(mass) and mass >= 0 and bool(np.isfinite(inertia).all())
-        moments = np.linalg.eigvalsh(inertia) if finite else np.full(3, -1.0)
-        if moments[0] < -1e-12:
+        moments = np.linalg.eigvalsh(inertia)
+        if mass < 0.0 or moments[0] < -1e-12:
             self.fail(f"link {name!r}", "has a negative mass or inertia", "give physical values")
         if moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
             # PyBullet replaces it by zero with no more than a warning, and simulates another arm.
@@ -283,7 +345,7 @@ class _Reader:
 
     def _joint(self, joint: Any, T: Floats, body: Body) -> ChainJoint:
         length = float(np.linalg.norm(joint.axis))
-        if not 1e-9 < length < math.inf:
+        if not length > 1e-9:
             self.fail(f"joint {joint.name!r}", "has no axis", "give <axis xyz> a direction")
         limit = joint.limit
         damping, coulomb = (self._friction(joint, attribute) for attribute in ("damping", "friction"))
@@ -298,18 +360,16 @@ class _Reader:
             upper=math.inf if continuous else limit and limit.upper,
             effort=limit and limit.effort,
             velocity=limit and limit.velocity,
+            acceleration=self.accelerations.get(joint.name),
             damping=damping,
             coulomb=coulomb,
             body=body,
         )
 
     def _friction(self, joint: Any, attribute: str) -> float:
-        try:
-            value = float(getattr(joint.dynamics, attribute, None) or 0.0)
-        except ValueError:
-            value = math.nan
-        if not 0.0 <= value < math.inf:
-            self.fail(f"joint {joint.name!r}", f"has a bad {attribute}", "give a number >= 0")
+        value = float(getattr(joint.dynamics, attribute, None) or 0.0)
+        if value < 0.0:
+            self.fail(f"joint {joint.name!r}", f"has {attribute}={value:g}", "give a number >= 0")
         return value
 
     def _shape(self, name: str, index: int, collision: Any, body: int, T: Floats) -> Shape:
@@ -329,14 +389,18 @@ class _Reader:
         else:
             kind, size = "convex", ()
             scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-            file = self._mesh_file(name, geometry.mesh.filename or "")
+            file = self.mesh_file(name, geometry.mesh.filename or "")
             vertices = load_mesh(file, element=f"{self.file}: link {name!r}") * scale
         try:
-            return make_shape(kind, size, T, link=body, link_name=name, vertices=vertices)
+            shape = make_shape(kind, size, T, link=body, link_name=name, vertices=vertices)
         except RobotError as error:
             raise RobotError(f"{self.file}: {error}", file=str(self.file), element=f"link {name!r}") from error
+        if hull_length(shape) > MESH_LENGTH_USUAL:
+            length = f"{hull_length(shape):.0f} m long"
+            self.huge_meshes.append(f"the mesh {geometry.mesh.filename!r} of link {name!r} is {length}")
+        return shape
 
-    def _mesh_file(self, name: str, filename: str) -> Path:
+    def mesh_file(self, name: str, filename: str) -> Path:
         """package://, model:// and file:// names, absolute ones, and ones relative to the URDF or a folder above it."""
         scheme, _, rest = filename.rpartition("://")
         path = Path(rest)

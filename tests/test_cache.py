@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-import sys
+import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import platformdirs
 import pytest
 
-from armtempo.cache import cache_folder, cached, content_key
+from armtempo.cache import cache_folder, cached, content_key, private_folder
 from armtempo.planners import CoordinationChart, JointPath
 from armtempo.planners.charts import _coordination_chart as coordination_chart
 from armtempo.planners.charts import _quadtree as quadtree
@@ -102,17 +103,43 @@ def test_a_folder_that_cannot_be_written(
 
 def test_where_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("ARMTEMPO_CACHE")
-    assert cache_folder() == platformdirs.user_cache_path("armtempo", appauthor=False)
-    if sys.platform == "linux":
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        assert cache_folder() == tmp_path / "armtempo"
-    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache/armtempo"))
-    assert cache_folder() is None  # no home to write to, least of all the working folder
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == platformdirs.user_cache_path("armtempo", appauthor=False) == tmp_path / "armtempo"
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    private_folder.cache_clear()
+    for nowhere in ("~/.cache/armtempo", "/proc/nohome/.cache/armtempo"):  # no home to write to
+        monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, nowhere=nowhere, **__: Path(nowhere))
+        assert cache_folder() == tmp_path / f"armtempo-{os.getuid()}" / "cache"
+    private_folder.cache_clear()
+    monkeypatch.setattr(tempfile, "tempdir", "/proc/nohome")
+    assert cache_folder() is None
+    private_folder.cache_clear()
     monkeypatch.setenv("ARMTEMPO_CACHE", str(tmp_path / "named"))
     assert cache_folder() == tmp_path / "named"
     for off in ("off", "OFF"):
         monkeypatch.setenv("ARMTEMPO_CACHE", off)
         assert cache_folder() is None
+
+
+def test_a_private_folder_is_nobody_elses(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    make = private_folder.__wrapped__
+    folder = make()
+    assert folder == tmp_path / f"armtempo-{os.getuid()}"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert make() == folder
+    folder.chmod(0o770)  # others may have written there
+    assert make() is None
+    folder.rmdir()
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    folder.symlink_to(tmp_path / "elsewhere")
+    assert make() is None
+    folder.unlink()
+    folder.mkdir(mode=0o700)
+    mine = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: mine + 1)
+    folder.rename(tmp_path / f"armtempo-{mine + 1}")
+    assert make() is None
 
 
 def test_keys_tell_content_apart() -> None:

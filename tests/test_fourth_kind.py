@@ -38,6 +38,7 @@ from armtempo.envs.common import (
 )
 from armtempo.planners import load_cell
 from armtempo.planners.cells import CELLS, OneArmCell, Sweep, arm_from, as_cell
+from armtempo.state import Stateful
 from armtempo.testing import check_environment, check_kind, check_policy
 
 ENTRIES = (Entry("error", -1.0, 1.0, "goal minus angle, as a share of pi"),)
@@ -118,8 +119,10 @@ class TurnKeywords(TypedDict, total=False):
     from_rad: float
 
 
-class TurnSimulation:
+class TurnSimulation(Stateful):
     """The joint goes where it is told."""
+
+    changing = ("angle", "steps", "recorder")
 
     def __init__(self, cell: TurnCell, options: TurnOptions, *, record: bool) -> None:
         self.cell, self.options = cell, options

@@ -49,6 +49,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/robots/test_arm.py": (
         "robots/_kernels.py",
         "robots/_model.py",
+        "robots/_sizes.py",
     ),
     "tests/planners/blends/test_blend.py": (
         "planners/blends/_least_time.py",
@@ -83,6 +84,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "envs/blend/_batch.py",
         "envs/blend/_periods.py",
     ),
+    "tests/envs/behaviours/test_state.py": ("envs/common/_saved.py",),
     "tests/envs/bodies/test_scene.py": ("envs/bodies/_bullet.py",),
     "tests/envs/ik/test_vector_env.py": (
         "envs/common/_vector_env.py",
@@ -142,7 +144,9 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "agents/ik/_training.py",
         "agents/training/_checkpoint.py",
         "agents/training/_extra.py",
+        "agents/training/_logs.py",
         "agents/training/_model.py",
+        "agents/training/_signals.py",
     ),
     "tests/commands/behaviours/test_commands.py": (
         "commands/_cells.py",

@@ -79,6 +79,17 @@ def test_an_environment_that_takes_any_option_does_not_pass() -> None:
         check_environment(lambda **options: Forgetful(physics="ideal", **options))
 
 
+class Absent(BlendTrackingEnv):  # type: ignore[misc]  # final: nobody else should
+    """Leaves its clock out of its state."""
+
+    changing = tuple(name for name in BlendTrackingEnv.changing if name != "_before")
+
+
+def test_an_environment_whose_state_lacks_something_does_not_pass() -> None:
+    with pytest.raises(AssertionError, match="goes on from the state of one made alike"):
+        check_environment(lambda **options: Absent(physics="ideal", **options))
+
+
 def test_a_cell_whose_kind_is_not_listed_does_not_pass(chung: IKCell, monkeypatch: pytest.MonkeyPatch) -> None:
     listed: Any = CELLS
     monkeypatch.setitem(listed, "ik", BlendCell)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -50,6 +50,29 @@ class CellComparison:
         """The classical on-line policy with the smallest mean makespan of those that finished every episode."""
         means = [(float(np.mean(times)), name) for name, times in self._finished() if name in ONLINE]
         return min(means)[1] if means else None
+
+    def record(self) -> dict[str, Any]:
+        """As JSON can hold it, units in the keys."""
+        return {
+            "cell": self.cell,
+            "class": self.priority_class,
+            "best_online": self.best_online,
+            "makespans_s": self.makespans_s,
+            "violations": self.violations,
+            "clairvoyant_s": self.clairvoyant_s,
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """Back from ``record``."""
+        known = record["clairvoyant_s"]
+        return cls(
+            cell=record["cell"],
+            priority_class=record["class"],
+            makespans_s={name: tuple(times) for name, times in record["makespans_s"].items()},
+            violations=dict(record["violations"]),
+            clairvoyant_s=None if known is None else tuple(known),
+        )
 
     def _finished(self) -> list[tuple[str, list[float]]]:
         found = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armtempo.agents.evaluation._bootstrap import Interval, mean_interval, ratio_interval
 from armtempo.agents.evaluation._evaluate import (
+    Continuation,
     Evaluation,
     OnEpisode,
     evaluate_kind,
@@ -20,6 +21,7 @@ __all__ = [
     "Row",
     "TrainingTask",
     "beside",
+    "Continuation",
     "Evaluation",
     "Figure",
     "Form",

@@ -8,14 +8,38 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from armtempo.agents.evaluation._figures import numbers_of
+from armtempo.agents.evaluation._figures import numbers_of, result_of, with_numbers
 from armtempo.agents.evaluation._kind import CellT, Kind, OptionsT, ResultT, Runner, RunT, asked_options
 from armtempo.agents.policies import Policy, chosen_policies
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 
 TraceT_co = TypeVar("TraceT_co", covariant=True)
 OnEpisode = Callable[[str, int], None]
 """Called with policy and episode number after each, for progress bars."""
+
+
+class Results(Protocol):
+    """Where the outcomes of policies are kept as they come."""
+
+    def get(self, unit: str, /) -> Any:
+        """What is kept under a name; None: nothing is."""
+
+    def put(self, unit: str, value: Any, /) -> Any:
+        """Keep something that JSON can hold; returns what ``get`` will."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Continuation:
+    """An evaluation that goes on where it was interrupted, policy by policy.
+
+    Attributes:
+        kept: Outcomes of before, and of now.
+        traces: Whether results that are taken over get their traces and plans: these policies then plan, and run their
+            first episode, once more. Otherwise such results have None there.
+    """
+
+    kept: Results
+    traces: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,26 +87,40 @@ def evaluate_kind(
     episodes: int,
     seed: int,
     on_episode: OnEpisode | None,
+    continuation: Continuation | None = None,
 ) -> Evaluation[CellT, OptionsT, ResultT]:
     """Run every policy for some episodes; see ``armtempo.agents.evaluate``."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed must be a whole number, 0 or more, got {seed!r}")
+        raise InputError(f"seed must be a whole number, 0 or more, got {brief(seed)}")
     results: dict[str, ResultT] = {}
     refused: dict[str, str] = {}
     runner: Runner[RunT] | None = None
     try:
         for name in chosen_policies(policies, kind.policies, episodes):
+            known = _known(continuation, name)
+            if "refused" in known:
+                refused[name] = known["refused"]
+                continue
+            if continuation is not None and known and not continuation.traces:
+                results[name] = result_of(kind.result_type, known["numbers"])
+                continue
             try:
                 opened = kind.open(cell, name, options, before=runner)
             except InfeasibleError as error:
                 if policies is not None or not kind.may_refuse:
                     raise
                 refused[name] = str(error)
+                _keep(continuation, name, "refused", refused[name])
                 continue
             if runner is not None and runner.env is not opened.env:
                 runner.close()
             runner = opened
-            results[name] = kind.measure(cell, run_episodes(runner, name, episodes, seed, on_episode), seed)
+            runs = run_episodes(runner, name, 1 if known else episodes, seed, on_episode)
+            results[name] = kind.measure(cell, runs, seed)
+            if known:
+                results[name] = with_numbers(results[name], known["numbers"])
+            else:
+                _keep(continuation, name, "numbers", numbers_of(results[name]))
     finally:
         if runner is not None:
             runner.close()
@@ -97,6 +135,16 @@ def evaluate_kind(
         refused=refused if kind.may_refuse else None,
         facts={**_told(kind, options), **kind.head(cell), **more},
     )
+
+
+def _known(continuation: Continuation | None, name: str) -> dict[str, Any]:
+    """What is kept of a policy: its ``numbers``, or why it was ``refused``; empty: nothing."""
+    return {} if continuation is None else continuation.kept.get(name) or {}
+
+
+def _keep(continuation: Continuation | None, name: str, what: str, value: Any) -> None:
+    if continuation is not None:
+        continuation.kept.put(name, {what: value})
 
 
 def _told(kind: Kind[Any, OptionsT, Any, Any], options: OptionsT) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 METADATA_KEY = "armtempo figure"
@@ -71,3 +72,19 @@ def figures_of(result: type[Any]) -> dict[str, Figure]:
 def numbers_of(result: Any) -> dict[str, Any]:
     """The numbers of a result, by name."""
     return {name: getattr(result, name) for name in figures_of(type(result))}
+
+
+def with_numbers(result: Any, numbers: Mapping[str, Any]) -> Any:
+    """The same result with other numbers, which JSON may have held."""
+    return replace(result, **{name: _tuples(value) for name, value in numbers.items()})
+
+
+def result_of(result: type[Any], numbers: Mapping[str, Any]) -> Any:
+    """A result of numbers alone: no traces, no plans."""
+    others = {one.name: None for one in fields(result) if one.name not in numbers}
+    return result(**others, **{name: _tuples(value) for name, value in numbers.items()})
+
+
+def _tuples(value: Any) -> Any:
+    """What JSON has as lists are tuples in results."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

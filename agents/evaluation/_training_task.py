@@ -15,6 +15,7 @@ from armtempo.agents.evaluation._evaluate import play
 from armtempo.agents.policies import Agent, LearnedPolicy
 from armtempo.configs import EvaluationConfig, TrainConfig
 from armtempo.planners.cells import CellBase
+from armtempo.reading import user_path
 
 Row = dict[str, Any]
 """A row of a learning curve: ``reward``, ``finished`` out of ``episodes``, and what else a kind measures."""
@@ -105,5 +106,5 @@ class TrainingTask(ABC):
 
 def beside(source: Path, name: str) -> str | Path:
     """A cell file beside the training's, or a bundled name."""
-    path = source.parent / Path(name).expanduser()
+    path = source.parent / user_path(name)
     return path if path.suffix in (".yaml", ".yml") and path.is_file() else name

@@ -4,6 +4,8 @@ Such a file holds numbers and one JSON text; reading it executes nothing that it
 
 ``header``               UTF-8 JSON: the fields of ``AgentHeader``, and ``version``
 ``weight_k``, ``bias_k`` float32, of layer k: (out, in) and (out,)
+
+Behind the archive stands a digest of it. Files of version 1 have none: the checksums inside the archive stand in.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from __future__ import annotations
 import io
 import json
 import re
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, final, get_args
@@ -20,17 +21,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats32
-from armtempo.errors import InputError, UnknownNameError
-from armtempo.files import whole_file
+from armtempo.errors import InputError, UnknownNameError, brief
+from armtempo.files import is_sealed, whole_file, write_sealed
+from armtempo.reading import parse_json, read_bytes, unpacked_arrays, user_path, why_unreadable
 
 Algorithm = Literal["ppo", "sac", "tqc"]
 Learners = Literal["last", "all"]
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-VERSION = 1
+VERSION, VERSION_WITHOUT_DIGEST = 2, 1
 SHIPPED = Path(__file__).parents[1] / "shipped"
 ENVIRONMENT_NAME = re.compile(r"[a-z][a-z0-9_-]*")
+LARGEST = 2**26  # bytes of a file and of its arrays: 16 million numbers
+LARGEST_HEADER = 2**22  # bytes
+ARRAY_NAME = re.compile(r"header|(weight|bias)_\d{1,2}")
 _ACTIVATIONS = ("tanh", "relu")
+HEADER_TYPES: dict[str, Any] = {
+    **dict.fromkeys(("name", "algorithm", "activation", "environment", "command", "config", "armtempo"), str),
+    **dict.fromkeys(("steps", "seed"), int),
+    **dict.fromkeys(("entries", "cells", "curve"), list),
+    "settings": dict,
+    "learners": str | None,
+}
+"""Of the header's fields, as JSON has them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,69 +117,109 @@ def save_agent(path: Path, agent: Agent) -> None:
     arrays: dict[str, Any] = {"header": np.frombuffer(header.encode(), dtype=np.uint8)}
     for k, (weight, bias) in enumerate(agent.layers):
         arrays[f"weight_{k}"], arrays[f"bias_{k}"] = weight.astype(np.float32), bias.astype(np.float32)
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+    packed = io.BytesIO()
+    np.savez(packed, **arrays)
+    with whole_file(path) as temporary:
+        write_sealed(temporary, packed.getbuffer())
 
 
 def load_agent(path: Path) -> Agent:
     """Read an agent.
 
     Raises:
-        InputError: There is no such file, it cannot be read as an agent, or a later armtempo made it.
+        InputError: There is no such file, it cannot be read as an agent, a bit of it is not as it was written, or a
+            later armtempo made it.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such agent file", remedy="give the path of a .npz that armtempo train wrote")
     remedy = "copy it again, or train the agent again with the command of its making"
+    if (why := why_unreadable(path)) is not None:
+        what = "no such agent file" if why == "no such file" else why
+        raise InputError(f"{path}: {what}", remedy="give the path of a .npz that armtempo train wrote")
+    content = read_bytes(path, LARGEST)
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-        if "header" not in arrays:
-            raise ValueError("it has no header")
-        header = json.loads(arrays["header"].tobytes().decode())
-        version = header.pop("version", None) if isinstance(header, dict) else None
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not an agent file, or a damaged one: {_short(error)}", remedy=remedy) from error
-    if version != VERSION:
+        arrays = unpacked_arrays(content, LARGEST, lambda name: ARRAY_NAME.fullmatch(name) is not None)
+        header = _header(arrays)
+        version = header.pop("version", None)
+        if version == VERSION and not is_sealed(io.BytesIO(content)):
+            raise InputError("its digest is not that of its content")
+    except InputError as error:
+        message = f"{path}: not an agent file, or a damaged one: {error.message}"
+        raise InputError(message, remedy=remedy) from error
+    if version not in (VERSION, VERSION_WITHOUT_DIGEST):
         raise InputError(
-            f"{path}: an agent file of version {version}, and this armtempo reads version {VERSION}",
+            f"{path}: an agent file of version {brief(version)}, and this armtempo reads up to version {VERSION}",
             remedy="use the armtempo that wrote it, or train the agent again",
         )
     wrong = _complaint(header, arrays)
     if wrong:
         raise InputError(f"{path}: a damaged agent file: {wrong}", remedy=remedy)
-    layers = (len(arrays) - 1) // 2
+    layers = len(arrays) // 2
     return Agent(
         header=AgentHeader(**header),
         layers=tuple((arrays[f"weight_{k}"], arrays[f"bias_{k}"]) for k in range(layers)),
     )
 
 
+def _header(arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """What the header says, its version included; raises InputError."""
+    array = arrays.get("header")
+    if array is None or array.dtype != np.uint8 or array.ndim != 1:
+        raise InputError("it has no header")
+    if array.size > LARGEST_HEADER:
+        raise InputError(f"a header of {array.size} bytes")
+    try:
+        header = parse_json(array.tobytes().decode(), "its header")
+    except UnicodeDecodeError:
+        raise InputError("its header is not UTF-8 text") from None
+    if not isinstance(header, dict):
+        raise InputError("its header is no mapping")
+    return header
+
+
 def _complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> str | None:
     """What is wrong with the contents of a file."""
+    return _header_complaint(header) or _layers_complaint(arrays, len(header["entries"]))
+
+
+def _header_complaint(header: dict[str, Any]) -> str | None:
     wanted = {field.name for field in fields(AgentHeader)}
     if set(header) != wanted:
-        return f"its header lacks or adds {', '.join(sorted(wanted ^ set(header)))}"
+        return f"its header lacks or adds {brief(', '.join(sorted(wanted ^ set(header))))}"
+    for name, type_ in HEADER_TYPES.items():
+        if not isinstance(header[name], type_) or isinstance(header[name], bool):
+            return f"its {name} is {brief(header[name])}"
+    for name in ("steps", "seed"):
+        if not 0 <= header[name] < 2**63:
+            return f"its {name} is {brief(header[name])}"
+    for name in ("entries", "cells"):
+        if not all(isinstance(one, str) for one in header[name]):
+            return f"its {name} are no names: {brief(header[name])}"
+    if not all(isinstance(row, dict) for row in header["curve"]):
+        return "its curve is no list of mappings"
     if header["algorithm"] not in ALGORITHMS or header["activation"] not in _ACTIVATIONS:
-        return f"unknown algorithm {header['algorithm']!r} or activation {header['activation']!r}"
+        return f"unknown algorithm {brief(header['algorithm'])} or activation {brief(header['activation'])}"
     if not ENVIRONMENT_NAME.fullmatch(header["environment"]) or header["learners"] not in (None, *get_args(Learners)):
-        return f"no environment {header['environment']!r} or learners {header['learners']!r}"
-    layers, width = (len(arrays) - 1) // 2, len(header["entries"])
+        return f"no environment {brief(header['environment'])} or learners {brief(header['learners'])}"
+    return None
+
+
+def _layers_complaint(arrays: dict[str, NDArray[Any]], width: int) -> str | None:
+    layers = len(arrays) // 2
     if layers < 1:
         return "it has no layers"
+    if len(arrays) != 2 * layers + 1:
+        return "a layer lacks its weight or its bias"
     for k in range(layers):
         weight, bias = arrays.get(f"weight_{k}"), arrays.get(f"bias_{k}")
         if weight is None or bias is None:
             return f"layer {k} is missing"
-        if weight.dtype != np.float32 or weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+        if weight.dtype != np.float32 or bias.dtype != np.float32:
+            return f"layer {k} is of type {weight.dtype} and {bias.dtype}, not float32"
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
             return f"layer {k} has the wrong shape: {weight.shape} and {bias.shape}, after {width} numbers"
         if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
             return f"layer {k} is not finite"
         width = len(weight)
     return None
-
-
-def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:80] or type(error).__name__
 
 
 def shipped_agents() -> tuple[str, ...]:
@@ -189,7 +242,7 @@ def find_agent(name: str) -> Agent:
     """
     algorithm, _, which = name.partition(":")
     if which.endswith(".npz"):
-        path = Path(which).expanduser()
+        path = user_path(which)
     else:
         path = SHIPPED / f"{which}.npz"
         if which not in {file.stem for file in SHIPPED.glob("*.npz")}:

@@ -46,10 +46,11 @@ def learned_policy(name: str, env: Any, environment: str = "coordination") -> Le
     """
     agent = find_agent(name)
     _check_fits(name, agent, env, environment)
-    if environment == "coordination" and agent.header.settings.get("mode", "speed") != env.options.mode:
+    mode = agent.header.settings.get("mode", "speed")
+    if environment == "coordination" and mode != env.options.mode:
         raise InputError(
-            f"{name} was trained in mode {agent.header.settings['mode']}, and this is {env.options.mode}",
-            remedy=f"evaluate it in mode {agent.header.settings['mode']}",
+            f"{name} was trained in mode {mode}, and this is {env.options.mode}",
+            remedy="evaluate it in that mode",
         )
     return LearnedPolicy(agent)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from armtempo.agents.policies._agent_file import find_agent, is_agent_name
 from armtempo.arrays import Floats32
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
 
 Observations = dict[str, Floats32]
 Actions = dict[str, Floats32]
@@ -71,13 +71,15 @@ def chosen_policies(policies: Sequence[str] | str | None, known: Sequence[str], 
         InputError: Less than one episode, or an agent's file that cannot be used.
     """
     chosen = known if policies is None else (policies,) if isinstance(policies, str) else policies
+    if not isinstance(chosen, Sequence):
+        raise InputError(f"policies are names, got {brief(policies)}", remedy=f"known: {', '.join(known)}")
     for name in chosen:
         if isinstance(name, str) and is_agent_name(name):
             find_agent(name)  # before anything runs
-        elif name not in known:
-            raise UnknownNameError("policy", str(name), known)
+        elif not isinstance(name, str) or name not in known:
+            raise UnknownNameError("policy", name, known)
     if isinstance(episodes, bool) or not isinstance(episodes, int | np.integer):
-        raise InputError(f"episodes must be a whole number, got {episodes!r}", remedy="give 1 or more")
+        raise InputError(f"episodes must be a whole number, got {brief(episodes)}", remedy="give 1 or more")
     if episodes < 1:
-        raise InputError(f"episodes must be at least 1, got {episodes}")
+        raise InputError(f"episodes must be at least 1, got {brief(episodes)}")
     return tuple(chosen)

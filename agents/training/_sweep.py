@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import logging
 import math
+import os
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from armtempo.configs import SearchedNumber, SweepConfig, SweepValue, TrainConfig, plain_number, trial_training
 from armtempo.errors import InputError
+from armtempo.files import check_output_folder
 
 if TYPE_CHECKING:
     import optuna
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
 
 Objective = Callable[[TrainConfig, Path], float]
 """Trains in an empty folder; returns what is to become small, infinity at worst."""
+LOG = logging.getLogger(__name__)
 JOURNAL_FILE = "journal.log"
 SPACE_ATTRIBUTE = "armtempo_sweep"  # the study remembers what is searched
 
@@ -67,19 +72,19 @@ def sweep(
         All finished trials, the best first.
 
     Raises:
-        InputError: ``trials`` below 1, Optuna is not installed, the folder holds a sweep of that name over something
-            else, or a trial came to no number.
+        InputError: ``trials`` below 1, Optuna is not installed, ``storage`` cannot be written or holds a sweep of that
+            name over something else, its journal is damaged, or a trial came to no number.
         Exception: Whatever the objective raises; that trial has failed.
     """
     if trials < 1:
         raise InputError(f"trials must be at least 1, got {trials}")
+    check_output_folder(storage)
     optuna = _optuna()
     study = _open_study(optuna, config, storage, seed)
     while len(_finished(optuna, study)) < trials:
         trial = study.ask()
-        folder = _folder(storage, config, trial.number)
-        folder.mkdir(parents=True, exist_ok=True)
         try:
+            folder = _empty_folder(_folder(storage, config, trial.number))
             values = {key: _suggest(trial, key, searched) for key, searched in config.space.items()}
             trial.set_user_attr("machine", socket.gethostname())
             reached = float(objective(trial_training(config, values), folder))
@@ -108,6 +113,17 @@ def _folder(storage: Path, config: SweepConfig, number: int) -> Path:
     return storage / config.name / f"trial-{number:04d}"
 
 
+def _empty_folder(folder: Path) -> Path:
+    """The folder of a new trial; what a trial left there that the journal knows nothing of is moved aside."""
+    if folder.is_dir() and any(folder.iterdir()):
+        asides = (folder.with_name(f"{folder.name}-lost-{k}") for k in itertools.count(1))
+        aside = next(one for one in asides if not one.exists())
+        folder.rename(aside)
+        LOG.warning("%s is of a trial that the journal has lost; it is %s now", folder, aside.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
 def _trial(
     storage: Path, config: SweepConfig, number: int, objective: float, values: dict[str, SweepValue]
 ) -> SweepTrial:
@@ -131,17 +147,25 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 
     storage.mkdir(parents=True, exist_ok=True)
-    path = str(storage / JOURNAL_FILE)
+    path = storage / JOURNAL_FILE
+    lock = JournalFileOpenLock(str(path))
+    _take_cut_line_away(path, lock)
     samplers = optuna.samplers
-    study: Study = optuna.create_study(
-        study_name=config.name,
-        direction="minimize",
-        load_if_exists=True,
-        storage=JournalStorage(JournalFileBackend(path, lock_obj=JournalFileOpenLock(path))),
-        sampler=samplers.TPESampler(seed=seed, n_startup_trials=config.first_trials, constant_liar=True)
-        if config.sampler == "tpe"
-        else samplers.RandomSampler(seed=seed),
-    )
+    try:
+        study: Study = optuna.create_study(
+            study_name=config.name,
+            direction="minimize",
+            load_if_exists=True,
+            storage=JournalStorage(JournalFileBackend(str(path), lock_obj=lock)),
+            sampler=samplers.TPESampler(seed=seed, n_startup_trials=config.first_trials, constant_liar=True)
+            if config.sampler == "tpe"
+            else samplers.RandomSampler(seed=seed),
+        )
+    except (ValueError, LookupError, TypeError, AssertionError) as error:  # of lines that are not Optuna's
+        raise InputError(
+            f"{path}: a damaged journal: {' '.join(str(error).split())[:80]}",
+            remedy="take its damaged lines out, or give another folder (--storage)",
+        ) from error
     mine = config.model_dump(mode="json", include={"training", "total_steps", "space"})
     theirs = study.user_attrs.get(SPACE_ATTRIBUTE)
     if theirs is None:
@@ -152,6 +176,21 @@ def _open_study(optuna: Any, config: SweepConfig, storage: Path, seed: int | Non
             remedy="give the sweep another name, or another folder",
         )
     return study
+
+
+def _take_cut_line_away(path: Path, lock: Any) -> None:
+    """Without the end of its last line, which a full disk or a loss of power took, a journal takes no further ones."""
+    if not path.is_file():
+        return
+    lock.acquire()
+    try:
+        data = path.read_bytes()
+        end = data.rfind(b"\n") + 1
+        if end < len(data):
+            os.truncate(path, end)
+            LOG.warning("%s: its last line was cut off and is taken away", path)
+    finally:
+        lock.release()
 
 
 def _suggest(trial: optuna.Trial, key: str, searched: SearchedNumber) -> SweepValue:

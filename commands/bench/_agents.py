@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from armtempo.commands.console import DisturbanceName, JsonFile, Names, Output, PhysicsName, Seed, new_table, number
+from armtempo.commands.console import (
+    DisturbanceName,
+    JsonFile,
+    Names,
+    Output,
+    PhysicsName,
+    Seed,
+    file_digests,
+    kept_results,
+    new_table,
+    number,
+)
 from armtempo.errors import InputError
 
 if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
+    from armtempo.planners.instances import BenchmarkInstance
 
 DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal", "ppo:generalist")
 
@@ -56,7 +68,11 @@ def bench_agents(
         physics: "ideal" moves the arms exactly as commanded, "bullet" simulates torque control.
         json_file: Write the figures and every makespan there as JSON; "-" for nothing but JSON on stdout.
     """
-    from armtempo.agents import compare_on  # late, as the others here: --help is to be quick
+    from armtempo.agents import (
+        CellComparison,
+        SplitComparison,
+        compare_on,
+    )  # late, as the others here: --help is to be quick
     from armtempo.planners import benchmark_instances
 
     chosen = [
@@ -69,31 +85,35 @@ def bench_agents(
             f"the {choice.split} split has no feasible {choice.priority_class} cell of {choice.family} arms"
         )
     output = Output(json_file)
-    with output.progress("Simulating", len(chosen)) as (progress, task):
+    asked: dict[str, Any] = {
+        "episodes": episodes, "seed": seed, "physics": physics,
+        "disturbance": None if disturbance == "none" else disturbance,
+    }  # fmt: skip
+    with kept_results(
+        "bench agents", {**asdict(choice), "policies": policies, "files": file_digests(policies), **asked}
+    ) as kept:
+        output.taken_over(kept)
+        cells: list[CellComparison] = []
+        with output.progress("Simulating", len(chosen)) as (progress, task):
+            for one in chosen:
+                progress.update(task, description=f"Simulating {one.name}")
 
-        def on_cell(name: str) -> None:
-            progress.update(task, description=f"Simulating {name}", advance=1)
+                def compare(one: BenchmarkInstance = one) -> dict[str, Any]:
+                    return compare_on([one.build()], policies, **asked).cells[0].record()
 
-        compared = compare_on(
-            (one.build() for one in chosen), policies, episodes=episodes, seed=seed, physics=physics,
-            disturbance=None if disturbance == "none" else disturbance, on_cell=on_cell,
+                cells.append(CellComparison.from_record(kept.result(one.name, compare)))
+                progress.advance(task)
+        compared = SplitComparison(cells=tuple(cells), seed=seed)
+        figures = {name: compared.figures(name) for name in policies}
+        which = f"{choice.split}, {choice.priority_class}, {choice.family}"
+        _show(compared, figures, f"{which}, {physics}, disturbance {disturbance}", output)
+        output.json(
+            {
+                "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
+                "disturbance": disturbance, "episodes": episodes, "seed": seed, "policies": figures,
+                "cells": [one.record() for one in compared.cells],
+            }
         )  # fmt: skip
-    figures = {name: compared.figures(name) for name in policies}
-    which = f"{choice.split}, {choice.priority_class}, {choice.family}"
-    _show(compared, figures, f"{which}, {physics}, disturbance {disturbance}", output)
-    output.json(
-        {
-            "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
-            "disturbance": disturbance, "episodes": episodes, "seed": seed, "policies": figures,
-            "cells": [
-                {
-                    "cell": one.cell, "class": one.priority_class, "best_online": one.best_online,
-                    "makespans_s": one.makespans_s, "violations": one.violations, "clairvoyant_s": one.clairvoyant_s,
-                }
-                for one in compared.cells
-            ],
-        }
-    )  # fmt: skip
 
 
 def _show(compared: SplitComparison, figures: dict[str, dict[str, Any]], what: str, output: Output) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Kept, Names, Output, kept_results, new_table, number, shown
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.files import check_output
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -50,30 +52,39 @@ def bench_arms(
     if not 2 <= most <= 8 or count < 1:
         raise InputError(f"--most must be 2 to 8 and --count positive, got {most} and {count}")
     output = Output(json_file)
-    entries: list[dict[str, Any]] = []
-    with output.progress("Planning", (most - 1) * count) as (progress, task):
-        for arms in range(2, most + 1):
-            progress.update(task, description=f"Planning {arms} arms")
-            for ring in feasible_rings(arms, count, seed):
-                entries.append(_entry(ring, arms, methods))
-                progress.advance(task)
-    output.table(_tabulate(entries, methods, count))
-    write_png(arms_figure(entries, methods), out)
-    output.say(f"Picture: {shown(out)}")
-    output.json({"seed": seed, "count": count, "rings": entries})
+    check_output(out)
+    with kept_results("bench arms", {"most": most, "count": count, "seed": seed, "methods": methods}) as kept:
+        output.taken_over(kept)
+        entries: list[dict[str, Any]] = []
+        with output.progress("Planning", (most - 1) * count) as (progress, task):
+            for arms in range(2, most + 1):
+                progress.update(task, description=f"Planning {arms} arms")
+                for entry in _feasible_rings(arms, count, seed, methods, kept):
+                    entries.append(entry)
+                    progress.advance(task)
+        output.table(_tabulate(entries, methods, count))
+        write_png(arms_figure(entries, methods), out)
+        output.say(f"Picture: {shown(out)}")
+        output.json({"seed": seed, "count": count, "rings": entries})
 
 
-def feasible_rings(arms: int, count: int, seed: int) -> Iterator[GeneratedCell]:
-    """The first rings of so many arms that are feasible."""
-    from armtempo.planners import generate_cell
+def _feasible_rings(arms: int, count: int, seed: int, methods: Sequence[str], kept: Kept) -> Iterator[dict[str, Any]]:
+    """What every method makes of the first rings of so many arms that are feasible."""
+    found = 0
+    for index in itertools.count():
+        if found == count:
+            return
 
-    index = kept = 0
-    while kept < count:
-        ring = generate_cell("ring", seed, index, arms=arms)
-        index += 1
-        if ring.labels.status == "feasible":
-            kept += 1
-            yield ring
+        def plan(index: int = index) -> dict[str, Any] | None:
+            from armtempo.planners import generate_cell
+
+            ring = generate_cell("ring", seed, index, arms=arms)
+            return _entry(ring, arms, methods) if ring.labels.status == "feasible" else None
+
+        entry = kept.result(f"ring {index} of {arms} arms", plan)
+        if entry is not None:
+            found += 1
+            yield entry
 
 
 def _entry(ring: GeneratedCell, arms: int, methods: Sequence[str]) -> dict[str, Any]:

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import tyro
 
-from armtempo.commands.console import JsonFile, Names, Output, new_table, number, shown
+from armtempo.commands.console import JsonFile, Names, Output, kept_results, new_table, number, shown
 from armtempo.errors import InputError, UnknownNameError
 
 if TYPE_CHECKING:
-    from armtempo.planners.instances import BenchResult, Claim
+    from armtempo.planners.instances import BenchmarkInstance, BenchResult, Claim
+    from armtempo.planners.schedules import Engine
 
 Family = Literal["planar", "panda", "iiwa"]  # of the benchmark set
 DEFAULT_METHODS = ("sequential", "delay", "offset", "vci", "interval", "optimal")
@@ -43,7 +44,7 @@ def bench_coordination(
             stdout.
     """
     from armtempo.planners import METHODS, benchmark_instances  # late, as the others here: --help is to be quick
-    from armtempo.planners.instances import bench_cell, bench_claims
+    from armtempo.planners.instances import BenchResult, bench_claims
     from armtempo.planners.schedules import default_engine
 
     for method in methods:
@@ -59,18 +60,53 @@ def bench_coordination(
         chosen = tuple(chosen[k * len(chosen) // limit] for k in range(limit))
     engine = None if audit == "none" else default_engine() if audit == "auto" else audit
     output = Output(json_file)
-    results: list[BenchResult] = []
-    changed = []
-    with output.progress("Planning", len(chosen)) as (progress, task):
-        for instance in chosen:
-            progress.update(task, description=f"Planning {instance.name}")
-            cell = instance.build()
-            results += bench_cell(cell, instance.labels, methods, engine=engine, family=instance.family)
-            if not math.isclose(cell.lower_bound, instance.labels.lower_bound, rel_tol=1e-6):
-                changed.append(instance.name)
-            progress.advance(task)
-    claims = bench_claims(results)
-    _show(results, methods, f"{split}, {len(chosen)} cells", engine, output)
+    arguments = {"cells": [one.name for one in chosen], "methods": methods, "engine": engine}
+    with kept_results("bench coordination", arguments) as kept:
+        output.taken_over(kept)
+        results: list[BenchResult] = []
+        changed = []
+        with output.progress("Planning", len(chosen)) as (progress, task):
+            for k, instance in enumerate(chosen):
+                progress.update(task, description=f"Planning {instance.name}")
+
+                def plan(instance: BenchmarkInstance = instance) -> dict[str, Any]:
+                    return _planned(instance, methods, engine)
+
+                found = kept.result(f"{k} {instance.name}", plan)
+                results += [BenchResult.from_record(record, instance.labels) for record in found["results"]]
+                if not found["same_bound"]:
+                    changed.append(instance.name)
+                progress.advance(task)
+        claims = bench_claims(results)
+        _show(results, methods, f"{split}, {len(chosen)} cells", engine, output)
+        _tell(claims, changed, output)
+        output.json(
+            {
+                "split": split,
+                "cells": len(chosen),
+                "audit": engine,
+                "methods": {method: _summary([r for r in results if r.method == method]) for method in methods},
+                "claims": [_claim(claim) for claim in claims],
+                "other_bounds": changed,
+                "results": [result.record() for result in results],
+            }
+        )
+
+
+def _planned(instance: BenchmarkInstance, methods: Sequence[str], engine: Engine | None) -> dict[str, Any]:
+    """Records of all methods in a cell, and whether its bound is what it was when the set was made."""
+    from armtempo.planners.instances import bench_cell
+
+    cell = instance.build()
+    results = bench_cell(cell, instance.labels, methods, engine=engine, family=instance.family)
+    return {
+        "results": [result.record() for result in results],
+        "same_bound": math.isclose(cell.lower_bound, instance.labels.lower_bound, rel_tol=1e-6),
+    }
+
+
+def _tell(claims: Sequence[Claim], changed: Sequence[str], output: Output) -> None:
+    """What must hold, and where it does not."""
     for claim in claims:
         state = "[green]holds[/]" if not claim.broken else f"[red]broken in {len(claim.broken)}[/]"
         output.say(f"{state} ({claim.checked} checked): {claim.text}")
@@ -78,17 +114,6 @@ def bench_coordination(
             output.say(f"    {shown(line)}")
     if changed:
         output.say(f"[red]Other bounds than when the set was made:[/] {', '.join(changed)}")
-    output.json(
-        {
-            "split": split,
-            "cells": len(chosen),
-            "audit": engine,
-            "methods": {method: _summary([r for r in results if r.method == method]) for method in methods},
-            "claims": [_claim(claim) for claim in claims],
-            "other_bounds": changed,
-            "results": [result.record() for result in results],
-        }
-    )
 
 
 def _claim(claim: Claim) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
-from armtempo.commands.bench._arms import feasible_rings
 from armtempo.commands.console import JsonFile, Names, Output, new_table, number
 from armtempo.errors import InfeasibleError, InputError
 
@@ -53,7 +53,7 @@ def bench_errors(
         raise InputError(f"--episodes must be positive and --rings not negative, got {episodes} and {rings}")
     output = Output(json_file)
     chosen = [load_cell(name) for name in cells]
-    chosen += [ring.cell for ring in feasible_rings(3, rings, seed)]
+    chosen += _feasible_rings(rings, seed)
     entries: list[dict[str, Any]] = []
     total = len(chosen) * (1 + len(errors)) * len(reserves) * len(POLICIES)
     with output.progress("Simulating", total) as (progress, task):
@@ -68,6 +68,14 @@ def bench_errors(
                         progress.advance(task)
     output.table(_tabulate(entries, episodes))
     output.json({"seed": seed, "episodes": episodes, "runs": entries})
+
+
+def _feasible_rings(count: int, seed: int) -> list[CoordinationCell]:
+    """The first rings of three arms that are feasible."""
+    from armtempo.planners import generate_cell
+
+    drawn = (generate_cell("ring", seed, index, arms=3) for index in itertools.count())
+    return [ring.cell for ring in itertools.islice((one for one in drawn if one.labels.status == "feasible"), count)]
 
 
 def _makespans(cell: CoordinationCell, policy: str, episodes: int) -> list[float]:

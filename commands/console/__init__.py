@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.commands.console._flags import (
+    TRAINING_SEED_MAX,
     AllNames,
     CellName,
     DisturbanceName,
@@ -15,14 +16,15 @@ from armtempo.commands.console._flags import (
     check_period,
     check_seed,
 )
+from armtempo.commands.console._kept import Kept, file_digests, kept_results
 from armtempo.commands.console._kind_line import read_kind_line
 from armtempo.commands.console._options import field_docs, flag_of, options_from, with_flags
 from armtempo.commands.console._output import (
     Output,
-    default_folder,
     new_table,
     number,
     open_cell,
+    output_folder,
     shown,
     silent_stdout,
 )
@@ -33,22 +35,26 @@ __all__ = [
     "CellName",
     "DisturbanceName",
     "JsonFile",
+    "Kept",
     "LIMIT_RESOLVED",
     "Names",
     "OutFolder",
     "Output",
     "PhysicsName",
     "Seed",
+    "TRAINING_SEED_MAX",
     "check_count",
     "check_period",
     "check_seed",
-    "default_folder",
     "field_docs",
+    "file_digests",
     "flag_of",
+    "kept_results",
     "new_table",
     "number",
     "open_cell",
     "options_from",
+    "output_folder",
     "read_kind_line",
     "shown",
     "significant",

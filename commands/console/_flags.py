@@ -8,7 +8,11 @@ from typing import Annotated, Literal
 
 import tyro
 
-from armtempo.errors import ArmtempoError, InputError
+from armtempo.errors import ArmtempoError, InputError, brief
+
+TRAINING_SEED_MAX = 2**32 - 1
+"""What numpy's older generators take, which the training libraries use."""
+MOST_THINGS = 10**12
 
 CellName = Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="CELL")]
 JsonFile = Annotated[str | None, tyro.conf.arg(name="json", metavar="FILE", help_behavior_hint="(default: none)")]
@@ -22,16 +26,19 @@ PhysicsName = Literal["bullet", "ideal"]
 DisturbanceName = Annotated[Literal["none", "late", "slow", "stop-and-go", "any"], tyro.conf.arg(metavar="NAME")]
 
 
-def check_seed(seed: int | None) -> None:
-    """Raise ArmtempoError for a seed below 0."""
+def check_seed(seed: int | None, most: int = 2**63 - 1) -> None:
+    """Raise ArmtempoError for a seed below 0, or too large for all that is seeded with it."""
     if seed is not None and seed < 0:
-        raise ArmtempoError(f"--seed must not be negative, got {seed}", remedy="try --seed 0")
+        raise ArmtempoError(f"--seed must not be negative, got {brief(seed)}", remedy="try --seed 0")
+    if seed is not None and seed > most:
+        raise ArmtempoError(f"--seed must be at most {most}, got {brief(seed)}", remedy="try --seed 0")
 
 
 def check_count(option: str, count: int | None, example: int) -> None:
-    """Raise ArmtempoError for a number of things below 1."""
-    if count is not None and count < 1:
-        raise ArmtempoError(f"{option} must be at least 1, got {count}", remedy=f"try {option} {example}")
+    """Raise ArmtempoError for a number of things below 1, or beyond counting."""
+    if count is not None and not 1 <= count <= MOST_THINGS:
+        bound = "at least 1" if count < 1 else f"at most {MOST_THINGS}"
+        raise ArmtempoError(f"{option} must be {bound}, got {brief(count)}", remedy=f"try {option} {example}")
 
 
 def check_period(option: str, period: float | None, example: str) -> None:

@@ -11,14 +11,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from armtempo.files import whole_file
+from armtempo.errors import printable
+from armtempo.files import check_output, check_output_folder, whole_file
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
-    from armtempo.planners import BlendCell, Cell, CoordinationCell, IKCell
+    from armtempo.commands.console._kept import Kept
+    from armtempo.planners import BlendCell, CoordinationCell, IKCell
 
 LOADING_MESSAGE = "Loading {} (compiles once after installation, about a minute)"
 TABLE_WIDTH = 118  # of tables that go to a file or a pipe
@@ -37,11 +39,25 @@ def plain(value: Any) -> Any:
     return value
 
 
+def _as_json(value: Any, encoding: str | None) -> str:
+    """JSON in characters of this encoding, others as escapes: nothing is lost."""
+    numbers = plain(value)
+    text = json.dumps(numbers, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    try:
+        text.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+    return text
+
+
 class Output:
     """Where a command's words go: tables to stdout, progress to stderr, figures as JSON to a file or ``-`` (stdout).
 
     Args:
         json_file: ``--json`` of the command; with ``-`` nothing but JSON goes to stdout.
+
+    Raises:
+        InputError: That file cannot be written.
     """
 
     def __init__(self, json_file: str | None) -> None:
@@ -49,6 +65,8 @@ class Output:
 
         self._json_file = json_file
         self._quiet = json_file == "-"
+        if json_file is not None and not self._quiet:
+            check_output(json_file)
         self.console: Console = Console(file=sys.stdout, quiet=self._quiet, highlight=False)
         if not self.console.is_terminal:
             self.console.width = TABLE_WIDTH
@@ -77,13 +95,18 @@ class Output:
         """Write ``value`` where ``--json`` said, if it did."""
         if self._json_file is None:
             return
-        text = json.dumps(plain(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        text = _as_json(value, sys.stdout.encoding if self._quiet else "utf-8")
         if self._quiet:
             sys.stdout.write(text)
             return
         with whole_file(Path(self._json_file)) as temporary:
             temporary.write_text(text, encoding="utf-8")
         self.say(f"Figures as JSON: {shown(self._json_file)}")
+
+    def taken_over(self, kept: Kept) -> None:
+        """Say on stderr that results of an interrupted run are there already."""
+        if kept.found:
+            self._errors.print(f"Going on behind {kept.found} results of {shown(kept.file)}", highlight=False)
 
     def pictures(self, folder: Path, names: Sequence[str]) -> None:
         """Say where pictures are."""
@@ -109,10 +132,10 @@ def silent_stdout() -> Iterator[None]:
 
 
 def shown(path: str | Path) -> str:
-    """A path as rich markup takes it literally."""
+    """A path, or a name of the user's, as rich markup takes it literally and a terminal may show it."""
     from rich.markup import escape
 
-    return escape(str(path))
+    return escape(printable(str(path)))
 
 
 def new_table(title: str, caption: str = "") -> Table:
@@ -143,12 +166,22 @@ def number(value: float | None, digits: int, scale: float = 1.0) -> str:
 
 def open_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCell:
     """Load and certify a cell of any kind, with a spinner."""
-    with output.progress(LOADING_MESSAGE.format(name)):
+    with output.progress(LOADING_MESSAGE.format(shown(name))):
         from armtempo.planners import load_cell  # late: --help is to be quick
 
         return load_cell(name, None)
 
 
-def default_folder(cell: Cell, out: Path | None) -> Path:
-    """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory."""
-    return Path("results") / cell.name if out is None else out
+def output_folder(cell: str, out: Path | None) -> Path:
+    """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory.
+
+    Raises:
+        InputError: Nothing can be written there: better known before the cell is opened.
+        ArmtempoError: There is no such cell.
+    """
+    if out is None:
+        from armtempo.configs import load_cell_config  # late: --help is to be quick
+
+        out = Path("results") / load_cell_config(cell).name
+    check_output_folder(out)
+    return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from armtempo.commands.console import LIMIT_RESOLVED, number
-from armtempo.commands.reports._report import Report, one_arm_suffix
+from armtempo.commands.reports._report import Report, one_arm_suffix, reasons
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,27 @@ def summary_sentence(evaluation: BlendEvaluation) -> str:
         if "constant" in keeping and quickest != "constant":
             text += f" (at a constant rate: {number(keeping['constant'].duration_s, 3)} s)"
         said.append(text)
-    return "; ".join(said) + "." if said else "No policy arrived within its limits."
+    return f"{'; '.join(said)}." if said else f"No policy arrived within its limits: {reasons(_why_not(evaluation))}."
+
+
+def _why_not(evaluation: BlendEvaluation) -> dict[str, list[str]]:
+    """The policies that did not arrive within the limits, by what stood in their way."""
+    found: dict[str, list[str]] = {}
+    for name, r in evaluation.results.items():
+        shares = {
+            "the normal acceleration": r.normal_acceleration_ratio_max,
+            "the jerk": r.jerk_ratio_max,
+            "a torque": r.torque_demand_ratio_max,
+        }
+        limit = max(shares, key=lambda what: shares[what])
+        if r.left:
+            why = f"left the tube around the path ({1e3 * r.contour_error_max_m:.3g} mm off)"
+        elif r.finished < evaluation.episodes:
+            why = "did not arrive in time"
+        else:
+            why = f"asked for {shares[limit]:.3g} x the limit of {limit}"
+        found.setdefault(why, []).append(name)
+    return found
 
 
 def figures(evaluation: BlendEvaluation) -> dict[str, Figure]:

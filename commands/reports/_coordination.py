@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from armtempo.commands.console import number
-from armtempo.commands.reports._report import Report, heavier
+from armtempo.commands.reports._report import Report, heavier, reasons
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,6 +59,22 @@ def _finished(results: Mapping[str, CoordinationResult]) -> dict[str, Coordinati
     return dict(sorted(good, key=lambda item: item[1].makespan_s or 0.0))
 
 
+def _why_not(results: Mapping[str, CoordinationResult]) -> dict[str, list[str]]:
+    """The policies that did not finish, by what stood in their way."""
+    from armtempo.envs.bodies import SETTLED_DISTANCE
+
+    found: dict[str, list[str]] = {}
+    for name, r in results.items():
+        if r.violations:
+            why = "came closer than d_min"
+        elif r.path_error_max_m > SETTLED_DISTANCE:
+            why = f"left the path by {1e3 * r.path_error_max_m:.3g} mm (torque up to {r.torque_demand_ratio_max:.3g} x)"
+        else:
+            why = "did not arrive in time"
+        found.setdefault(why, []).append(name)
+    return found
+
+
 def best(evaluation: CoordinationEvaluation) -> Collection[str]:
     """The quickest that are safe."""
     good = {name: r.makespan_s for name, r in _finished(evaluation.results).items() if r.makespan_s is not None}
@@ -79,7 +95,7 @@ def _about_the_arms(evaluation: CoordinationEvaluation) -> str:
     """What the table says, in a sentence: about vci where it is among those that finished, else about the quickest."""
     good = _finished(evaluation.results)
     if not good:
-        return "No policy finished without coming closer than d_min."
+        return f"No policy finished: {reasons(_why_not(evaluation.results))}."
     name = "vci" if "vci" in good else next(iter(good))
     r = good[name]
     assert r.makespan_s is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -52,6 +52,11 @@ def one_arm_suffix(evaluation: Evaluation[Any, Any, Any], what: str) -> str:
     options = evaluation.options
     said = "" if options.family == "given" else f"; {evaluation.episodes} random {what} ({options.family})"
     return said + heavier(options.model_error)
+
+
+def reasons(found: Mapping[str, Sequence[str]]) -> str:
+    """For a sentence: who, by what stood in their way."""
+    return "; ".join(f"{', '.join(names)} {why}" for why, names in found.items())
 
 
 def heavier(model_error: float) -> str:

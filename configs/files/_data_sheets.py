@@ -8,10 +8,10 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from armtempo.configs.files._find import DATA, data_path
-from armtempo.configs.files._messages import closest
 from armtempo.configs.files._yaml import parse_yaml
 from armtempo.configs.schema import CellFileConfig, RobotConfig
-from armtempo.errors import ConfigError
+from armtempo.errors import ConfigError, InputError, brief, closest
+from armtempo.reading import user_path, why_unreadable
 
 PYBULLET_PREFIX = "pybullet_data/"
 
@@ -25,20 +25,24 @@ def resolve_file(config: CellFileConfig, name: str) -> Path:
             ``pybullet_data/`` and a path in the data that comes with PyBullet.
 
     Raises:
-        ConfigError: It is in none of these places.
+        ConfigError: It is in none of these places, or in the home of somebody unknown.
     """
-    beside = config.source.parent / Path(name).expanduser()
+    try:
+        beside = config.source.parent / user_path(name)
+    except InputError as error:
+        message = f"{config.source}: {error.message}"
+        raise ConfigError(message, remedy=error.remedy, file=config.source, key="", value=name) from error
     places = [beside, DATA / "robots" / name]
     if name.startswith(PYBULLET_PREFIX):
         import pybullet_data
 
         places.append(Path(pybullet_data.getDataPath()) / name.removeprefix(PYBULLET_PREFIX))
     for path in places:
-        if path.is_file():
+        if why_unreadable(path) is None:
             return path.resolve()
     robots = sorted({path.name for path in (DATA / "robots").glob("*.urdf")} | set(_datasheets()))
     raise ConfigError(
-        f"{config.source}: no file {name!r}: looked for {beside}",
+        f"{config.source}: no file {brief(name)}: looked for {beside}",
         remedy=f"{closest(name, robots)}give a path from the cell file, or a bundled robot: {', '.join(robots)}",
         file=config.source,
         key="",

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from armtempo.configs.files._messages import closest
-from armtempo.errors import ConfigError, InputError, UnknownNameError
+from armtempo.errors import ConfigError, InputError, UnknownNameError, closest
+from armtempo.reading import read_text, user_path, why_unreadable
 
 DATA = Path(__file__).parents[1]
 SUFFIXES = (".yaml", ".yml")
+LARGEST = 2**20  # bytes of a file; longer lists of waypoints have a file of their own
 
 
 class DataFolder(NamedTuple):
@@ -38,12 +39,12 @@ class DataFolder(NamedTuple):
             )
         if isinstance(name_or_path, str) and name_or_path in known:
             return DATA / self.name / f"{name_or_path}.yaml"
-        path = Path(name_or_path).expanduser()
-        if path.is_file():
+        path = user_path(name_or_path)
+        what = why_unreadable(path)
+        if what is None:
             return path
         looks_like_a_file = isinstance(name_or_path, Path) or path.suffix in SUFFIXES or len(path.parts) != 1
-        if looks_like_a_file or path.exists():
-            what = "is a folder" if path.is_dir() else "no such file"
+        if looks_like_a_file or what != "no such file":
             remedy = f"give a YAML file, or a bundled {self.what}: {', '.join(known)}"
             raise ConfigError(f"{path}: {what}", remedy=remedy, file=path, key="", value=None)
         remedy = f"{closest(str(name_or_path), known)}known: {', '.join(known)}; or give the path of a YAML file"
@@ -57,19 +58,9 @@ class DataFolder(NamedTuple):
         """
         path = self.find(name_or_path)
         try:
-            return path.read_text(encoding="utf-8"), path.resolve()
-        except UnicodeDecodeError as error:
-            raise ConfigError(
-                f"{path}: not UTF-8 text", remedy="save it as UTF-8", file=path, key="", value=None
-            ) from error
-        except OSError as error:
-            raise ConfigError(
-                f"{path}: cannot be read: {error.strerror}",
-                remedy="check the path and its permissions",
-                file=path,
-                key="",
-                value=None,
-            ) from error
+            return read_text(path, LARGEST), path.resolve()
+        except InputError as error:
+            raise ConfigError(error.message, remedy=error.remedy, file=path, key="", value=None) from error
 
 
 CELL_FILES = DataFolder("cells", "cell")

@@ -119,7 +119,8 @@ def change_blend(config: BlendCellConfig, **changes: Any) -> BlendCellConfig:
     kept = config.blend.model_dump(exclude_none=True)
     if "remaining_distance_m" in given or "tolerance_m" in given:
         kept = {key: value for key, value in kept.items() if key not in ("remaining_distance_m", "tolerance_m")}
-    if given.get("curve", "cubic") != "cubic":
+    curve = given.get("curve", "cubic")
+    if not isinstance(curve, str) or curve != "cubic":
         kept.pop("shape_factor", None)
     data = config.model_dump(exclude_none=True) | {"blend": {**kept, **given}}
     return parse_cell_config(data, config.source, BlendCellConfig)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from armtempo.errors import ConfigError
+from armtempo.errors import ConfigError, brief, closest, printable
 
 # pydantic's words and ours, which are those of YAML
 WORDING = (
@@ -22,6 +21,7 @@ WORDING = (
     (r"Tuple should have (at \w+ \d+ items?) .*", r"must have \1"),
 )
 Key = tuple[int | str, ...]
+LONGEST_KEY, LONGEST_COMPLAINT = 60, 300  # characters
 
 
 def config_error(source: Path, error: ValidationError, model: type[BaseModel]) -> ConfigError:
@@ -35,7 +35,7 @@ def config_error(source: Path, error: ValidationError, model: type[BaseModel]) -
 def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any, str, str]:
     """Dotted key, value, what is wrong, what to do."""
     kind, loc, value = complaint["type"], complaint["loc"], complaint["input"]
-    what = complaint["msg"].removeprefix("Value error, ")
+    what = complaint["msg"].removeprefix("Value error, ")[:LONGEST_COMPLAINT]
     for theirs, ours in WORDING:
         what = re.sub(theirs, ours, what)
     if match := re.match(r"([a-z_\d.]+): ", what):  # a check over several keys says which one to change
@@ -49,7 +49,7 @@ def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any,
     match kind:
         case "extra_forbidden":
             known = _known_keys(loc[:-1], model)
-            return dotted(loc), value, "unknown key", f"{closest(str(loc[-1]), known)}known: {', '.join(known)}"
+            return dotted(loc), value, "unknown key", f"{closest(loc[-1], known)}known: {', '.join(known)}"
         case "missing":
             return dotted(loc), None, "missing", f"add it: {meaning}" if meaning else "add it"
         case "value_error":
@@ -76,17 +76,13 @@ def with_article(kind: object) -> str:
 
 
 def dotted(loc: Key) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part[:LONGEST_KEY]}" for part in loc)
+    return printable("".join(parts).removeprefix("."))
 
 
 def shown(value: object) -> str:
-    text = "null" if value is None else " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def closest(name: str, known: tuple[str, ...] | list[str]) -> str:
-    close = get_close_matches(name, known, n=1)
-    return f"did you mean {close[0]!r}? " if close else ""
+    """A value as YAML calls it."""
+    return "null" if value is None else brief(value)
 
 
 def _known_keys(loc: Key, root: type[BaseModel]) -> list[str]:

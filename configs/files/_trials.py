@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from armtempo.configs.files._load import bundled_trainings, load_train_config, parse_train_config, read_sweep_config
-from armtempo.configs.files._yaml import parse_yaml
+from armtempo.configs.files._yaml import dump_yaml, parse_yaml
 from armtempo.configs.training import SweepConfig, SweepValue, TrainConfig
+from armtempo.reading import user_path
 
 
 def load_sweep_config(name_or_path: str | Path) -> SweepConfig:
@@ -42,12 +41,11 @@ def trial_training(sweep: SweepConfig, values: Mapping[str, SweepValue]) -> Trai
     data["total_steps"] = sweep.total_steps
     for key, value in values.items():
         _put(data, key, value)
-    return parse_train_config(yaml.safe_dump(data, sort_keys=False), base.source)
+    return parse_train_config(dump_yaml(data), base.source)
 
 
 def _training_of(sweep: SweepConfig) -> str | Path:
-    beside = sweep.source.parent / Path(sweep.training).expanduser()
-    return sweep.training if sweep.training in bundled_trainings() else beside
+    return sweep.training if sweep.training in bundled_trainings() else sweep.source.parent / user_path(sweep.training)
 
 
 def _put(data: dict[str, Any], key: str, value: SweepValue) -> None:

@@ -6,9 +6,11 @@ One model per mapping of a file, attribute names equal to the keys. Keys carry t
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import math
+from typing import Annotated, Any, Final
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -17,18 +19,37 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from armtempo.reading import MOST_MAGNITUDE
+
+SMALLEST_POSITIVE: Final = 1e-12
+LONGEST_NAME: Final = 100  # characters: names become those of files
+
 
 def _only_numbers(value: Any) -> Any:
     """Refuse what pydantic would turn into a number: ``"1.0"`` and ``true`` in a YAML file are slips."""
-    if isinstance(value, bool | str):
+    if isinstance(value, bool | str | bytes):
         raise PydanticCustomError("float_type", "must be a number")
+    if isinstance(value, int):  # one that no float holds raises there
+        _of_a_size(value)
     return value
 
 
-Real = Annotated[float, BeforeValidator(_only_numbers), Field(allow_inf_nan=False)]
+def _of_a_size(value: float) -> float:
+    if value in (math.inf, -math.inf) or not abs(value) > MOST_MAGNITUDE:  # the field itself refuses what is not finite
+        return value
+    raise PydanticCustomError("float_size", "must be at most {most} in size", {"most": f"{MOST_MAGNITUDE:g}"})
 
 
-Positive = Annotated[Real, Field(gt=0)]
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST_POSITIVE:
+        raise PydanticCustomError("float_size", "must be at least {least}", {"least": f"{SMALLEST_POSITIVE:g}"})
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_only_numbers), Field(allow_inf_nan=False), AfterValidator(_of_a_size)]
+
+
+Positive = Annotated[Real, Field(gt=0), AfterValidator(_not_tiny)]
 
 
 NonNegative = Annotated[Real, Field(ge=0)]
@@ -37,10 +58,10 @@ NonNegative = Annotated[Real, Field(ge=0)]
 Point = tuple[Real, Real, Real]
 
 
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$", max_length=LONGEST_NAME)]
 
 
-CellTitle = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$")]
+CellTitle = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_-]*$", max_length=LONGEST_NAME)]
 
 
 ZERO: Point = (0.0, 0.0, 0.0)

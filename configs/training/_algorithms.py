@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from armtempo.configs.schema import FileModel, NonNegative, Positive, Real
-from armtempo.configs.training._base import Count, Share, Signed
+from armtempo.configs.training._base import Count, Few, Many, Share, Signed
 
 
 def _listed(value: object) -> object:
@@ -18,16 +18,16 @@ def _listed(value: object) -> object:
 class NetworkConfig(FileModel):
     """Layers of the actor, and of every critic."""
 
-    sizes: tuple[Count, ...] = (64, 64)
+    sizes: Annotated[tuple[Few, ...], Field(max_length=32)] = (64, 64)
     """Widths of the hidden layers."""
     activation: Literal["tanh", "relu"] = "tanh"
     """Between them."""
 
 
 class _Hyper(FileModel):
-    learning_rate: Positive = 3e-4
+    learning_rate: Annotated[Positive, Field(le=10)] = 3e-4
     """Of Adam, at the start."""
-    learning_rate_end: NonNegative | None = None
+    learning_rate_end: Annotated[NonNegative, Field(le=10)] | None = None
     """At the end of the training, linearly in the steps; null: as at the start."""
     gamma: Annotated[Real, Field(gt=0, le=1)] = 0.999
     """Discount per step."""
@@ -36,11 +36,11 @@ class _Hyper(FileModel):
 class PPOConfig(_Hyper):
     """Proximal policy optimisation, as in stable-baselines3."""
 
-    rollout_steps: Count = 128
+    rollout_steps: Few = 128
     """Steps of every environment between two updates."""
-    batch_size: Annotated[int, Field(ge=2, strict=True)] = 4096
+    batch_size: Annotated[Many, Field(ge=2)] = 4096
     """Agent steps per gradient step."""
-    epochs: Count = 10
+    epochs: Few = 10
     """How often a rollout is gone through."""
     gae_lambda: Share = 0.95
     """Of the advantage estimate."""
@@ -54,7 +54,7 @@ class PPOConfig(_Hyper):
     """Longest gradient."""
     target_kl: Positive | None = None
     """Stop an update beyond this divergence; null: never."""
-    log_std_start: Real = 0.0
+    log_std_start: Annotated[Real, Field(ge=-20, le=20)] = 0.0
     """Logarithm of the spread of the first actions."""
     first_action: Annotated[tuple[Signed, ...], BeforeValidator(_listed), Field(min_length=1)] = (0.0,)
     """Mean of the first actions, one number for all or a list with one for each: 1 is full speed."""
@@ -63,17 +63,17 @@ class PPOConfig(_Hyper):
 class SACConfig(_Hyper):
     """Soft actor-critic, as in stable-baselines3."""
 
-    buffer_size: Count = 300_000
+    buffer_size: Many = 300_000
     """Agent steps that are remembered."""
     learning_starts: Count = 1000
     """Agent steps of random actions before the first update."""
-    batch_size: Count = 256
+    batch_size: Many = 256
     """Agent steps per gradient step."""
     tau: Annotated[Real, Field(gt=0, le=1)] = 0.005
     """How fast target networks follow."""
-    train_every: Count = 1
+    train_every: Few = 1
     """Steps of every environment between two updates."""
-    gradient_steps: Count = 1
+    gradient_steps: Few = 1
     """Gradient steps per update."""
     entropy: Positive | None = None
     """Weight of the entropy; null: found on the way."""
@@ -82,9 +82,9 @@ class SACConfig(_Hyper):
 class TQCConfig(SACConfig):
     """Truncated quantile critics, as in sb3-contrib."""
 
-    quantiles: Count = 25
+    quantiles: Few = 25
     """Per critic."""
-    critics: Count = 2
+    critics: Annotated[Few, Field(le=100)] = 2
     """How many."""
-    dropped_per_critic: Annotated[int, Field(ge=0, strict=True)] = 2
+    dropped_per_critic: Annotated[int, Field(ge=0, le=10**5, strict=True)] = 2
     """The highest quantiles that are left out."""

@@ -10,8 +10,11 @@ from armtempo.configs.schema import FileModel, Real
 
 Share = Annotated[Real, Field(ge=0, le=1)]
 Signed = Annotated[Real, Field(ge=-1, le=1)]
-Count = Annotated[int, Field(ge=1, strict=True)]
-File = Annotated[str, StringConstraints(min_length=1)]
+Count = Annotated[int, Field(ge=1, le=10**12, strict=True)]
+Few = Annotated[int, Field(ge=1, le=10**5, strict=True)]
+Many = Annotated[int, Field(ge=1, le=10**8, strict=True)]
+SeedNumber = Annotated[int, Field(ge=0, le=2**32 - 1, strict=True)]
+File = Annotated[str, StringConstraints(min_length=1, max_length=4096)]
 
 
 class EnvironmentTraining(FileModel):

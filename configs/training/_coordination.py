@@ -10,6 +10,7 @@ from armtempo.configs.schema import FileModel, NonNegative, Positive
 from armtempo.configs.training._base import Count, EnvironmentTraining, File, Share
 
 Times = tuple[NonNegative, NonNegative]
+Stops = Annotated[int, Field(ge=0, le=16, strict=True)]
 
 
 class BenchmarkFilter(FileModel):
@@ -32,11 +33,11 @@ class DisturbanceConfig(FileModel):
     """How long the arm stands at its start [s]."""
     speed: tuple[Share, Share] = (1.0, 1.0)
     """Multiplies its command."""
-    stops: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = (0, 0)
+    stops: tuple[Stops, Stops] = (0, 0)
     """How often it stops on the way."""
     stop_s: Times = (0.0, 0.0)
     """How long each stop lasts [s]."""
-    arms: tuple[Annotated[int, Field(ge=0)], ...] = (0,)
+    arms: tuple[Annotated[int, Field(ge=0, le=1000, strict=True)], ...] = (0,)
     """Numbers of the disturbed arms, 0 is the master."""
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from armtempo.configs.schema import Positive, Real
-from armtempo.configs.training._base import Count, EnvironmentTraining, File
+from armtempo.configs.training._base import EnvironmentTraining, Few, File
 
 
 class IKTraining(EnvironmentTraining):
@@ -27,9 +27,9 @@ class IKTraining(EnvironmentTraining):
     """The simulated bodies are heavier by this share than the controller believes."""
     reward_scale: Positive = 1.0
     """Multiplies what the algorithm is told, where rewards are too small to learn from; the curve has them unscaled."""
-    targets: Count = 96
+    targets: Few = 96
     """In ``ideal``: how many are drawn before the training, which takes one of them for every episode."""
-    hold_periods: Count = 1
+    hold_periods: Few = 1
     """In ``ideal``: control periods for which the training holds an action, one agent step; the agent decides in each.
     What gains do to an error shows seconds later: a choice of 10 ms is lost in what is drawn."""
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, PrivateAttr, StringConstraints, model_validator
+from pydantic import Field, PrivateAttr, StrictBool, StringConstraints, model_validator
 
 from armtempo.configs.schema import CellTitle, FileModel, Real
+from armtempo.configs.training._base import Count, Few
 
 SweepValue = float | int
 NumberKey = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*(\.[a-z][a-z0-9_]*)*$")]
@@ -20,9 +21,9 @@ class SearchedNumber(FileModel):
     """Lowest value."""
     high: Real | None = None
     """Highest value, included."""
-    log: bool = False
+    log: StrictBool = False
     """Search its logarithm."""
-    integer: bool = False
+    integer: StrictBool = False
     """Whole numbers alone."""
     choices: Annotated[tuple[Real, ...], Field(min_length=2)] | None = None
     """These values instead of a range."""
@@ -51,11 +52,11 @@ class SweepConfig(FileModel):
     """Of the sweep: what its trials are kept under."""
     training: Annotated[str, StringConstraints(min_length=1)]
     """Name of a bundled training, or the path of its file from here."""
-    total_steps: Annotated[int, Field(ge=1, strict=True)]
+    total_steps: Count
     """Agent steps of one trial."""
     sampler: Literal["tpe", "random"] = "tpe"
     """``tpe`` learns from the trials before, of all workers; ``random`` does not."""
-    first_trials: Annotated[int, Field(ge=1, strict=True)] = 10
+    first_trials: Few = 10
     """Random ones before ``tpe`` begins."""
     space: Annotated[dict[NumberKey, SearchedNumber], Field(min_length=1)]
     """The numbers, by their keys in the training file joined with dots, such as ``ppo.learning_rate``."""

@@ -9,14 +9,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from armtempo.configs.schema import CellTitle, FileModel
 from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
-from armtempo.configs.training._base import Count, EnvironmentTraining
+from armtempo.configs.training._base import Count, EnvironmentTraining, Few, SeedNumber
 from armtempo.configs.training._blend import BlendTraining
 from armtempo.configs.training._coordination import CoordinationTraining
 from armtempo.configs.training._ik import IKTraining
+from armtempo.errors import InputError, brief
 
 
 class EvaluationConfig(FileModel):
@@ -24,11 +25,11 @@ class EvaluationConfig(FileModel):
 
     every_steps: Count = 100_000
     """Steps between two evaluations."""
-    episodes: Annotated[int, Field(ge=0, strict=True)] = 20
+    episodes: Annotated[int, Field(ge=0, le=10**6, strict=True)] = 20
     """Disturbed episodes, over all cells together."""
     cells: Count = 8
     """In no more than so many cells, the first ones."""
-    seed: Annotated[int, Field(ge=0, strict=True)] = 10_000
+    seed: SeedNumber = 10_000
     """Of the first episode."""
 
 
@@ -48,13 +49,13 @@ class TrainConfig(FileModel):
     """One arm on a blended path."""
     feedback_ik: IKTraining | None = None
     """One arm that follows poses."""
-    num_envs: Count = 64
+    num_envs: Few = 64
     """Environments that run side by side."""
     total_steps: Count = 1_000_000
     """Agent steps of the whole training."""
     checkpoint_every_steps: Count = 200_000
-    """Agent steps between two checkpoints."""
-    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    """Agent steps between two checkpoints; besides, there is one every half minute."""
+    seed: SeedNumber = 0
     """Of everything that is drawn."""
     evaluation: EvaluationConfig = EvaluationConfig()
     """How it is watched."""
@@ -93,8 +94,18 @@ class TrainConfig(FileModel):
         return given
 
     def changed(self, **changes: Any) -> Self:
-        """The same training with other values of top-level keys; None keeps what there is."""
+        """The same training with other values of top-level keys; None keeps what there is.
+
+        Raises:
+            InputError: A value that a file could not have.
+        """
         given = {key: value for key, value in changes.items() if value is not None}
+        try:
+            type(self).model_validate({**self.model_dump(exclude_unset=True), **given})
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            key = ".".join(map(str, first["loc"]))
+            raise InputError(f"{key}: {first['msg']}, got {brief(first['input'])}", remedy="change it") from None
         return self.model_copy(update=given).read_from(self._source, self._text)
 
     @model_validator(mode="after")

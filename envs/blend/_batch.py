@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
 from armtempo.envs.blend._kernels import measure_tip
@@ -24,27 +23,27 @@ from armtempo.envs.blend._periods import (
 from armtempo.envs.bodies import CONTROLLER_GAIN
 from armtempo.envs.common import (
     TIME_LIMIT,
+    Batch,
     Chunks,
     DrawnCells,
     Generators,
-    SavedBatch,
     Seeds,
     Slots,
     as_commands,
     sums_of,
     with_masks,
 )
-from armtempo.errors import InputError
 from armtempo.planners import BlendCell, FeedOverride, PredictorCorrector
 from armtempo.planners.blends.kernels import PackedPath
 from armtempo.planners.cells import draw_path
 from armtempo.planners.line_speed.kernels import start_warp
+from armtempo.state import State
 
 PER_THREAD = 16  # episodes that are worth a thread
 
 
 @final
-class BlendBatch(SavedBatch):
+class BlendBatch(Batch):
     """E episodes of a cell, as ``BlendTrackingEnv`` with ``physics="ideal"`` runs them, to the last bit.
 
     Args:
@@ -55,6 +54,8 @@ class BlendBatch(SavedBatch):
         paths: How many are drawn beforehand, and the seed of that; None: one for every episode.
         threads: How many share the episodes; None: one per core, if there are episodes enough.
     """
+
+    changing = ("_drawn", "_episodes", "_charged", "_passed", "_stepped", "_rewards", "_seen", "_generators")
 
     def __init__(
         self,
@@ -69,7 +70,6 @@ class BlendBatch(SavedBatch):
         self.cell, self._options = cell, options
         self._drawn = DrawnCells(cell, families, draw_path, self._put, episodes, *paths, "paths")
         slots, E, n, K = self._drawn.slots, episodes, cell.arm.dof, cell.ticks_per_period
-        self._cells = [cell] * slots
         self._arrays = Slots(slots)
         self._counts, self._shortest = np.zeros((slots, 4), dtype=np.int64), np.zeros(slots)
         self._lengths, self._durations = np.zeros(slots), np.zeros(slots)
@@ -105,7 +105,6 @@ class BlendBatch(SavedBatch):
         self._arrays.put(slot, {name: getattr(feed, name) for name in ("knots", "coefficients", "marks", "limits")})
         pieces = len(feed.coefficients), len(feed.marks), len(path.kind), len(path.panel_start)
         self._counts[slot], self._shortest[slot] = pieces, feed.shortest
-        self._cells[slot] = cell
         self._lengths[slot], self._durations[slot] = cell.blended.length, profile.duration
         start = cell.path.evaluate(0.0)[0]
         self._start_joints[slot] = start
@@ -143,7 +142,7 @@ class BlendBatch(SavedBatch):
         episodes.end[mask] = episodes.arrival[mask] = np.nan
         self._stepped[mask] = False
         self._observe(mask)
-        corners = np.array([len(self._cells[one].segments) - 1 for one in episodes.slot])
+        corners = np.array([len(self._drawn.cells[one].segments) - 1 for one in episodes.slot])
         told = {"length_m": self._lengths[episodes.slot], "duration_s": self._durations[episodes.slot]}
         return with_masks({name: np.where(mask, x, 0) for name, x in {**told, "corners": corners}.items()}, mask)
 
@@ -176,7 +175,7 @@ class BlendBatch(SavedBatch):
         self._chunks.run(plan)
         for slot in np.flatnonzero(np.bincount(episodes.slot[active])).tolist():
             own = np.flatnonzero(active & (episodes.slot == slot))
-            self._joints[own] = self._cells[slot].path.inverse(self._points[own], self._motion[own, :, LENGTH])
+            self._joints[own] = self._drawn.cells[slot].path.inverse(self._points[own], self._motion[own, :, LENGTH])
         self._chunks.run(follow)
         self._stepped = active.copy()
         self._earn(active)
@@ -214,7 +213,7 @@ class BlendBatch(SavedBatch):
         return np.asarray(TIME_LIMIT * durations if given is None else np.full_like(durations, given))
 
     def _left(self) -> Bools:
-        return np.asarray(self._episodes.contour_error > self.cell.contour_error_max)
+        return np.asarray(~(self._episodes.contour_error <= self.cell.contour_error_max))
 
     @property
     def observations(self) -> Floats32:
@@ -247,18 +246,10 @@ class BlendBatch(SavedBatch):
         return with_masks(figures, over)
 
     @property
-    def saveable(self) -> bool:
-        """Whether nothing is drawn for an episode."""
-        return self._drawn.beforehand
+    def made_of(self) -> State:
+        """The options, and where paths come from."""
+        return {"options": self._options, **self._drawn.made_of}
 
-    def _changing(self) -> dict[str, NDArray[Any]]:
-        if not self.saveable:
-            raise InputError(
-                "paths that are drawn for every episode cannot be saved", remedy="draw them beforehand: paths=64"
-            )
-        paid = {"charged": self._charged, "passed": self._passed, "observations": self._seen}
-        return {**self._episodes._asdict(), **paid}
-
-    def _constant(self) -> dict[str, NDArray[Any]]:
-        """What tells these environments from others."""
-        return {"lengths": self._lengths, "durations": self._durations, "paper": np.array([self._paper])}
+    def close(self) -> None:
+        """End the threads; may be called twice."""
+        self._chunks.close()

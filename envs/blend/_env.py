@@ -107,6 +107,8 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = ("family", "curve", "shape_factor", "remaining_distance_m")
 
+    changing: ClassVar[tuple[str, ...]] = (*SingleAgentEnv.changing, "_limit", "_charged", "_before")
+
     def __init__(
         self,
         cell: BlendCell | str | Path = "lee2006",
@@ -119,6 +121,7 @@ class BlendTrackingEnv(SingleAgentEnv[BlendSimulation]):
         self.options = options_of(BlendOptions, options, BlendTrackingEnv)
         self.cell = as_cell(cell, BlendCell)
         self.simulation = BlendSimulation(self.cell, self.options, record=record)
+        self._limit, self._charged, self._before = np.inf, 0.0, 0.0
         self.observation_space: Box = observation_space(BLEND_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space()  # type: ignore[assignment]
 

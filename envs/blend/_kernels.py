@@ -83,6 +83,6 @@ def follow_ideal(
         row[3] = last / tick
         row[4:7] = tip
         row[7 : 7 + n], row[7 + n : 7 + 2 * n], row[7 + 2 * n :] = joints[k], torque, demand
-        if error > allowed:
+        if not error <= allowed:
             return k + 1
     return int(ticks)

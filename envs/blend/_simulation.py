@@ -6,8 +6,9 @@ It knows the arm and time, not spaces or rewards; the controller and the scene a
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from armtempo.envs.blend._kernels import follow_ideal, measure_tip
 from armtempo.envs.blend._options import BlendOptions
 from armtempo.envs.bodies import Controller, End, Recorder, Settling, Trace
 from armtempo.planners import BlendCell, FeedOverride, LineSpeedProfile, PredictorCorrector
+from armtempo.state import Stateful
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -60,7 +62,7 @@ class BlendTrace(Trace[Floats]):
 
 
 @final
-class BlendSimulation:
+class BlendSimulation(Stateful):
     """One arm on a blended path, run in control periods.
 
     Args:
@@ -79,6 +81,12 @@ class BlendSimulation:
         left: Whether the tip is out of the tube.
     """
 
+    changing = (
+        "cell", "feed", "_paper", "_end", "_ticks", "s", "v", "a", "tip_speed", "arc_speed", "speed_deviation",
+        "mean_contour_error", "arrival", "left", "tip", "station", "contour_error", "_settling", "_controller",
+        "_recorder",
+    )  # fmt: skip
+
     def __init__(self, cell: BlendCell, options: BlendOptions, *, record: bool = False) -> None:
         self.physics, self.record = options.physics, record
         self._profile, self._mapping = options.profile, options.mapping
@@ -86,7 +94,6 @@ class BlendSimulation:
         self._model = cell.arm.model
         self._coulomb, self._torque_max = cell.arm.coulomb.copy(), cell.arm.torque_max.copy()
         self._controller = Controller(cell, options.physics, model_error=options.model_error)
-        self._scene, self._q = self._controller.scene, self._controller.q
         self._settling = Settling(1)
         self._recorder = Recorder(wanted=record, tick=self._tick)
         self.tip: Floats = np.zeros(3)
@@ -94,16 +101,10 @@ class BlendSimulation:
 
     def reset(self, cell: BlendCell) -> None:
         """To the start of the path of ``cell`` (the arm is the same), at rest."""
-        self.cell, self._path, self._packed = cell, cell.path, cell.blended.packed
-        self.profile: LineSpeedProfile = cell.profile(self._profile)
-        self.feed = FeedOverride(
-            self.profile, self.profile.limits, path=cell.blended if self._profile == "limit-aware" else None
-        )
-        self._paper = PredictorCorrector(cell.blended).start() if self._mapping == "paper" else None
+        self._take(cell)
         if self._paper is not None:
             self._paper.advance(np.zeros(1))  # the first tick
         self._end = math.nan  # instant at which the reference arrives
-        self._goal = cell.blended.position(cell.blended.length)
         self._ticks = 0
         self.s = self.v = self.a = self.tip_speed = self.arc_speed = 0.0
         self.speed_deviation = self.mean_contour_error = 0.0
@@ -114,6 +115,25 @@ class BlendSimulation:
         self._recorder.clear()
         if self.record:
             self._keep(jerk=0.0, override=1.0)
+
+    def _take(self, cell: BlendCell) -> None:
+        """The path of ``cell``, and what runs along it."""
+        self.cell, self._path, self._packed = cell, cell.path, cell.blended.packed
+        self.profile: LineSpeedProfile = cell.profile(self._profile)
+        self.feed = FeedOverride(
+            self.profile, self.profile.limits, path=cell.blended if self._profile == "limit-aware" else None
+        )
+        self._paper = PredictorCorrector(cell.blended).start() if self._mapping == "paper" else None
+        self._goal = cell.blended.position(cell.blended.length)
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        if state["cell"] is not self.cell:
+            self._take(state["cell"])
+        super()._go_on(state)
+
+    @property
+    def _q(self) -> Floats:
+        return self._controller.q
 
     @property
     def time(self) -> float:
@@ -158,7 +178,7 @@ class BlendSimulation:
             self._end = self.time + k * tick + min(rest, tick)
         full = self.profile.at(motion[:, 4])[1]  # speeds at full rate
         joints = self._joints(motion[:, 0])
-        speeds, errors = (self._follow if self._scene is None else self._control)(motion, joints)
+        speeds, errors = (self._follow if self.physics == "ideal" else self._control)(motion, joints)
         self.speed_deviation = float(np.abs(speeds - full[: len(speeds)]).mean())
         self.mean_contour_error = float(errors.mean())
 
@@ -200,7 +220,7 @@ class BlendSimulation:
                 tip=rows[:, 4:7], station=rows[:, 0], contour_error=rows[:, 1], line_speed=rows[:, 2],
                 arc_speed=rows[:, 3], torque=torque, demand=demand,
             )  # fmt: skip
-        self.left = self.contour_error > self.cell.contour_error_max
+        self.left = not self.contour_error <= self.cell.contour_error_max
         self._arrive()
         return rows[:, 2], rows[:, 1]
 
@@ -220,14 +240,14 @@ class BlendSimulation:
         self.station, self.contour_error = measure_tip(self._model, self._packed, self._q[0], near, self.tip)
         self.tip_speed = math.dist(self.tip.tolist(), before) / tick
         self.arc_speed = (self.station - station) / tick
-        self.left = self.contour_error > self.cell.contour_error_max
+        self.left = not self.contour_error <= self.cell.contour_error_max
         self._arrive()
 
     def _arrive(self) -> None:
         """Arrival: with the reference, or at the later of its end and the first tick from which the tip is settled."""
         if math.isnan(self._end) or self._end > self.time + 1e-12 or not math.isnan(self.arrival):
             return
-        if self._scene is None:
+        if self.physics == "ideal":
             self.arrival = self._end
             return
         distance = math.dist(self.tip, self._goal)

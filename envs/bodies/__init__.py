@@ -7,7 +7,7 @@ from armtempo.envs.bodies._controller import CONTROLLER_GAIN, PHYSICS, Controlle
 from armtempo.envs.bodies._joint_control import clip_torques, joint_demand, joint_torques, tip_of
 from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs.bodies._scene import Scene
-from armtempo.envs.bodies._settling import Settling
+from armtempo.envs.bodies._settling import SETTLED_DISTANCE, Settling
 from armtempo.envs.bodies._trace import End, Recorder, Simulation, Trace
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Physics",
     "Recorder",
     "Renderer",
+    "SETTLED_DISTANCE",
     "Scene",
     "Settling",
     "Simulation",

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Literal, final
+from collections.abc import Mapping
+from typing import Any, Literal, final
 
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._damping import check_damping
 from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import Cell
+from armtempo.state import Stateful
 
 Physics = Literal["bullet", "ideal"]
 PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
 
 CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
-SOLVER_ITERATIONS = 10  # a step; all that PyBullet solves for here is the joints' dry friction
 
 
 @final
-class Controller:
+class Controller(Stateful):
     """The joint controllers of a cell's arms and, in ``bullet``, their bodies.
 
     Arrays have one row per arm, padded with zeros to the largest number of joints.
@@ -33,19 +34,22 @@ class Controller:
         friction_error: Damping and dry friction of the bodies' joints are larger by this share.
 
     Attributes:
-        q, qd: (A, n) joint positions and speeds now.
         reference: (3, A, n) joint positions asked for at the tick before, now and next; those of now at rest.
         torque, demand: (A, n) torques of the last tick, and before they were clipped at the limits.
         gain: Bandwidth of the controllers [1/s].
         scene: The bodies; None in ``ideal``.
+
+    Raises:
+        RobotError: The bodies are not the planned ones, or their damping is too strong for the tick.
     """
+
+    changing = ("_measured", "reference", "torque", "demand")
 
     def __init__(self, cell: Cell, physics: Physics, *, model_error: float = 0.0, friction_error: float = 0.0) -> None:
         arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
         self.tick = cell.physics_tick
         self.gain = CONTROLLER_GAIN / self.tick
-        self._measured = np.zeros((2, arms, width))
-        self.q, self.qd = self._measured
+        self._measured: Floats = np.zeros((2, arms, width))
         self.reference: Floats = np.zeros((3, arms, width))
         self.torque: Floats = np.zeros((arms, width))
         self.demand: Floats = np.zeros((arms, width))
@@ -53,7 +57,22 @@ class Controller:
         self._coulomb, self._torque_max = np.zeros((arms, width)), np.zeros((arms, width))
         for i, arm in enumerate(cell.arms):
             self._coulomb[i, : arm.dof], self._torque_max[i, : arm.dof] = arm.coulomb, arm.torque_max
-        self.scene = _scene_with_errors(cell, model_error, friction_error) if physics == "bullet" else None
+        self.scene = None
+        if physics == "bullet":
+            check_damping(cell, (1.0 + friction_error) / (1.0 + model_error))
+            self.scene = Scene(cell, model_error=model_error, friction_error=friction_error)
+
+    @property
+    def q(self) -> Floats:
+        """(A, n) joint positions now."""
+        q: Floats = self._measured[0]  # views are not kept: those of a copy would be arrays of their own
+        return q
+
+    @property
+    def qd(self) -> Floats:
+        """(A, n) joint speeds now."""
+        qd: Floats = self._measured[1]
+        return qd
 
     def reset(self, q: Floats) -> None:
         """At rest at ``q`` (A, n)."""
@@ -61,7 +80,7 @@ class Controller:
         self.reference[:] = q
         self.torque[:], self.demand[:] = 0.0, 0.0
         if self.scene is not None:
-            self.scene.reset_joints(self.q)
+            self.scene.put_joints(self.q, self.qd)
 
     def ask(self, joints: Floats) -> bool:
         """Work out the torques of one tick towards the references ``joints`` (A, n); whether some are clipped."""
@@ -95,6 +114,11 @@ class Controller:
         self.qd[:] = (self.reference[2] - self.reference[1]) / self.tick
         self.q[:], self.torque[:], self.demand[:] = q, torque, demand
 
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        super()._go_on(state)
+        if self.scene is not None:
+            self.scene.put_joints(self.q, self.qd)
+
     @property
     def clipped(self) -> bool:
         """Whether torques were, in the last tick."""
@@ -104,17 +128,3 @@ class Controller:
         """Leave PyBullet; may be called twice."""
         if self.scene is not None:
             self.scene.close()
-
-
-def _scene_with_errors(cell: Cell, model_error: float, friction_error: float) -> Scene:
-    """The arms in PyBullet, off by these shares from what is known of them."""
-    scene = Scene(cell)
-    pybullet.setGravity(*cell.gravity, physicsClientId=scene.client)
-    pybullet.setPhysicsEngineParameter(
-        numSolverIterations=SOLVER_ITERATIONS, deterministicOverlappingPairs=1, physicsClientId=scene.client
-    )
-    if model_error:
-        scene.scale_mass(1.0 + model_error)
-    if friction_error:
-        scene.scale_friction(1.0 + friction_error)
-    return scene

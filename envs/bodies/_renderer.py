@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
-from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._bullet import pybullet, quiet
 from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
-from armtempo.errors import RenderError
+from armtempo.errors import RenderError, brief
 from armtempo.planners import Cell
 from armtempo.robots import Arm, Shape
 
@@ -48,8 +48,8 @@ pybullet.getCameraImage(8, 8, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
 
 def check_render_mode(mode: str | None) -> None:
     """Raise RenderError for a mode that does not exist."""
-    if mode not in (None, "human", "rgb_array"):
-        raise RenderError(f"unknown render_mode {mode!r}", remedy="use 'human', 'rgb_array' or None", mode=mode)
+    if not (mode is None or (isinstance(mode, str) and mode in ("human", "rgb_array"))):
+        raise RenderError(f"unknown render_mode {brief(mode)}", remedy="use 'human', 'rgb_array' or None", mode=mode)
 
 
 @functools.cache
@@ -82,7 +82,7 @@ class Renderer:
                 mode=mode,
             )
         self.mode = mode
-        self._scene = Scene(cell, window=mode == "human", egl=mode == "rgb_array" and egl_available())
+        self._scene = Scene(cell, visible=True, window=mode == "human", egl=mode == "rgb_array" and egl_available())
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
         self._beads = self._paint(POSE_BEAD_RADIUS if cell.follows_poses else BEAD_RADIUS)
@@ -185,19 +185,20 @@ class Renderer:
 
     def render(self, q: Floats) -> NDArray[np.uint8] | None:
         """Draw the arms at ``q`` (A, n): an image (480, 640, 3) uint8, or None in a window."""
-        self._scene.reset_joints(q)
+        self._scene.put_joints(q, np.zeros_like(q))
         if self.mode == "human":
             return None
-        _, _, pixels, _, bodies = pybullet.getCameraImage(
-            PICTURE_WIDTH,
-            PICTURE_HEIGHT,
-            self._view,
-            self._projection,
-            shadow=0,
-            lightDirection=(0.3, -0.4, 1.0),
-            renderer=HARDWARE_RENDERER if self._scene.hardware else pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._scene.client,
-        )
+        with quiet():  # EGL names its vendor
+            _, _, pixels, _, bodies = pybullet.getCameraImage(
+                PICTURE_WIDTH,
+                PICTURE_HEIGHT,
+                self._view,
+                self._projection,
+                shadow=0,
+                lightDirection=(0.3, -0.4, 1.0),
+                renderer=HARDWARE_RENDERER if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+                physicsClientId=self._scene.client,
+            )
         rgba = np.array(pixels, dtype=np.uint8).reshape(PICTURE_HEIGHT, PICTURE_WIDTH, 4)
         background = np.reshape(bodies, (PICTURE_HEIGHT, PICTURE_WIDTH, 1)) < 0
         np.putmask(rgba.view(np.uint32), background, 0xFFFFFFFF)  # on white, whichever renderer

@@ -1,4 +1,4 @@
-"""A cell's arms in a PyBullet client: loaded once, moved by joint states, the same bodies as the planners'."""
+"""A cell's arms in a PyBullet client: made from the planners' own model, compared with it, moved by joint states."""
 
 from __future__ import annotations
 
@@ -7,126 +7,191 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, NoReturn, final
-from xml.etree import ElementTree
+from typing import final
+
+import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.configs import ToolConfig
 from armtempo.envs.bodies._bullet import pybullet, quiet
-from armtempo.errors import InputError, RobotError
+from armtempo.errors import RobotError
 from armtempo.planners import Cell
-from armtempo.robots import Arm
+from armtempo.robots import Arm, principal_moments, read_visuals, urdf_text
 
-_FLAGS = pybullet.URDF_USE_INERTIA_FROM_FILE  # the file's inertias, not those of the collision shapes
+SAME_TO = 1e-9
+"""What is simulated is what was planned, to this share of the masses, of the torques and of the arm's size."""
+STATES_COMPARED = 3
+"""Random states at which that is looked at, with"""
+COMPARED_SIZES = np.array([np.pi, 1.0, 10.0])
+"""joint positions, speeds and accelerations up to these [rad, m and s],"""
+COMPARING_STEP = 1e-3
+"""by one step of this length [s]."""
+FRICTION_ITERATIONS = 50
+"""Of the solver, a step: all that it solves for here is the joints' dry friction, and that to rounding."""
 
 
 @final
 class Scene:
     """The arms of a cell in a PyBullet client of their own.
 
-    PyBullet's own contacts are masked off (clearance is FCL's business, and resets stay bit-exact), friction is that
-    of the ``Arm``, viscous and dry, and the default motors are off.
+    Their bodies are written by ``urdf_text``: nothing of the user's file reaches PyBullet but what the planners read.
+    There are no contacts (clearance is FCL's business, and resets stay bit-exact), friction is that of the ``Arm``,
+    viscous and dry, and the default motors are off. A copy, pickled or not, is another client in the same state.
 
     Args:
-        cell: What to load.
+        cell: Whose arms.
+        model_error: The bodies are heavier by this share than the arms say, inertia and all.
+        friction_error: Damping and dry friction of the joints are larger by this share.
+        visible: Show what the arms look like; without, nothing is to be seen.
         window: Open PyBullet's window instead of working unseen.
         egl: Draw by the EGL plugin, where it loads; it draws only what comes into the scene after it.
 
     Attributes:
+        bodies, joints: PyBullet's numbers of the arms, and of the joints of each: those of the ``Arm``.
         hardware: Whether that plugin draws.
+
+    Raises:
+        RobotError: PyBullet did not start, or would simulate another arm than the one that was planned.
     """
 
-    def __init__(self, cell: Cell, *, window: bool = False, egl: bool = False) -> None:
+    def __init__(
+        self,
+        cell: Cell,
+        *,
+        model_error: float = 0.0,
+        friction_error: float = 0.0,
+        visible: bool = False,
+        window: bool = False,
+        egl: bool = False,
+    ) -> None:
         self.cell = cell
-        self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
+        self._errors = model_error, friction_error
+        with quiet():
+            self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
             raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
         self.hardware = egl and _load_egl(self.client)
-        # Before any motor: PyBullet turns a motor's force into the impulse of a step when it is set.
-        pybullet.setTimeStep(cell.physics_tick, physicsClientId=self.client)
-        self.bodies: list[int] = []
-        self.joints: list[list[int]] = []
-        for arm, tool in zip(cell.arms, cell.tools, strict=True):
-            body = self._load(arm, tool)
-            self.bodies.append(body)
-            index = {
-                pybullet.getJointInfo(body, j, physicsClientId=self.client)[1].decode(): j
-                for j in range(pybullet.getNumJoints(body, physicsClientId=self.client))
-            }
-            self.joints.append([index[name] for name in arm.joint_names])
-            self._disable_contacts_and_motors(body, self.joints[-1], arm)
+        self.joints = [list(range(arm.dof)) for arm in cell.arms]
+        pybullet.setGravity(*cell.gravity, physicsClientId=self.client)
+        rubs = any(arm.coulomb.any() for arm in cell.arms)
+        pybullet.setPhysicsEngineParameter(
+            numSolverIterations=FRICTION_ITERATIONS if rubs else 1, solverResidualThreshold=0.0,
+            deterministicOverlappingPairs=1, enableFileCaching=0, physicsClientId=self.client,
+        )  # fmt: skip
+        try:
+            self.bodies = [self._load(arm, visible) for arm in cell.arms]
+            self._compare()
+            self._err(1.0 + model_error, 1.0 + friction_error)
+        except BaseException:
+            self.close()
+            raise
 
-    def _load(self, arm: Arm, tool: ToolConfig | None) -> int:
-        x, y, z, w = quat_xyzw(arm.T_world_base[:3, :3])
+    def _load(self, arm: Arm, visible: bool) -> int:
+        """The arm without friction; its links are the model's."""
+        T, joints = arm.T_world_base, range(arm.dof)
         with tempfile.TemporaryDirectory() as folder:
-            file = _with_tool(arm, tool, Path(folder))
-            try:
+            visuals = read_visuals(arm, Path(folder)) if visible else ()
+            file = Path(folder) / "arm.urdf"
+            file.write_text(urdf_text(arm, visuals), encoding="utf-8")
+            with quiet():
                 body: int = pybullet.loadURDF(
-                    str(file), list(arm.T_world_base[:3, 3]), [x, y, z, w], useFixedBase=True, flags=_FLAGS,
-                    physicsClientId=self.client,
+                    str(file), T[:3, 3].tolist(), quat_xyzw(T[:3, :3]), useFixedBase=True,
+                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self.client,
                 )  # fmt: skip
-            except pybullet.error as error:
-                raise RobotError(
-                    f"PyBullet cannot load {arm.urdf}: {error}",
-                    remedy="check the file and its meshes",
-                    file=str(arm.urdf),
-                ) from None
+        for link in (-1, *joints):
+            pybullet.changeDynamics(
+                body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self.client
+            )
+        pybullet.setJointMotorControlArray(
+            body, joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * arm.dof, physicsClientId=self.client
+        )
+        self._weigh(body, arm, 1.0)
         return body
 
-    def _disable_contacts_and_motors(self, body: int, driven: list[int], arm: Arm) -> None:
-        """No contacts, no damping but the arm's own, no motors but those that stand for dry friction.
+    def _weigh(self, body: int, arm: Arm, factor: float) -> None:
+        """Make an arm's links so many times as heavy as the model's; PyBullet drops inertias that it finds odd."""
+        for link, (mass, inertia) in enumerate(zip(arm.model.mass.tolist(), arm.model.inertia, strict=True)):
+            moments = (factor * principal_moments(inertia)[0]).tolist()
+            pybullet.changeDynamics(
+                body, link, mass=factor * mass, localInertiaDiagonal=moments, physicsClientId=self.client
+            )
+
+    def _compare(self) -> None:
+        """Look at random states whether the bodies are the arms: where they are, and how torques move them.
+
+        Raises:
+            RobotError: One is not; nothing is simulated then.
+        """
+        random = np.random.default_rng(0)
+        pybullet.setTimeStep(COMPARING_STEP, physicsClientId=self.client)
+        shape = len(self.bodies), max(arm.dof for arm in self.cell.arms)
+        after, speeds = np.zeros(shape), np.zeros(shape)
+        for _ in range(STATES_COMPARED):
+            q, qd, qdd = random.uniform(-1.0, 1.0, (3, *shape)) * COMPARED_SIZES[:, None, None]
+            self.put_joints(q, qd)
+            torque = np.zeros(shape)
+            for i, arm in enumerate(self.cell.arms):
+                n = arm.dof
+                torque[i, :n] = arm.inverse_dynamics(q[i, :n], qd[i, :n], qdd[i, :n], friction=False)
+            self.apply_torque(torque)
+            self.read_joints(after, speeds)
+            for i, (body, arm) in enumerate(zip(self.bodies, self.cell.arms, strict=True)):
+                n = arm.dof
+                found = (speeds[i, :n] - qd[i, :n]) / COMPARING_STEP
+                asked = arm.inverse_dynamics(q[i, :n], qd[i, :n], found, friction=False)
+                self._check_same(arm, "inverse dynamics", asked, torque[i, :n])
+                self._check_same(arm, "centres of mass", *self._centres(body, arm, after[i, :n]))
+        pybullet.setTimeStep(self.cell.physics_tick, physicsClientId=self.client)
+
+    def _centres(self, body: int, arm: Arm, q: Floats) -> tuple[Floats, Floats]:
+        """(n, 3) where the links' centres of mass are, in PyBullet and for the planners [m]."""
+        states = pybullet.getLinkStates(
+            body, range(arm.dof), computeForwardKinematics=True, physicsClientId=self.client
+        )
+        T = arm.link_poses(q)
+        return np.array([state[0] for state in states]), np.einsum("nij,nj->ni", T[:, :3, :3], arm.model.com) + T[
+            :, :3, 3
+        ]
+
+    @staticmethod
+    def _check_same(arm: Arm, what: str, found: Floats, wanted: Floats) -> None:
+        off = float(np.abs(found - wanted).max() / max(np.abs(wanted).max(), 1e-3))
+        if not off <= SAME_TO:
+            raise RobotError(
+                f"arm {arm.name!r}: its {what} in PyBullet are off by {off:.1e} from what is planned with",
+                remedy='use physics="ideal", and report the URDF: this is a fault of armtempo or of PyBullet',
+                file=str(arm.urdf),
+                element=what,
+            )
+
+    def _err(self, mass: float, friction: float) -> None:
+        """Give the arms their friction, and make both so many times as large; last, after the time step is set.
+
+        PyBullet turns a motor's force into the impulse of a step when it is set.
 
         PyBullet adds ``-damping qd`` before every step, as the plans have it. Dry friction is a motor that wants to
         stand still and is as strong as the friction: it opposes motion, and holds at rest without chatter.
         """
-        client = self.client
-        for link in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
-            pybullet.setCollisionFilterGroupMask(body, link, 0, 0, physicsClientId=client)
-            pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, physicsClientId=client)
-        for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
-            if pybullet.getJointInfo(body, joint, physicsClientId=client)[2] != pybullet.JOINT_FIXED:
-                held = joint not in driven
-                k = 0 if held else driven.index(joint)
+        for body, arm in zip(self.bodies, self.cell.arms, strict=True):
+            if mass != 1.0:
+                self._weigh(body, arm, mass)
+            for joint, (damping, coulomb) in enumerate(zip(arm.damping.tolist(), arm.coulomb.tolist(), strict=True)):
                 pybullet.setJointMotorControl2(
-                    body, joint, pybullet.POSITION_CONTROL if held else pybullet.VELOCITY_CONTROL, targetPosition=0.0,
-                    force=1e4 if held else float(arm.coulomb[k]), physicsClientId=client,
-                )  # fmt: skip
-                if not held:
-                    damping = float(arm.damping[k])
-                    pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=client)
+                    body, joint, pybullet.VELOCITY_CONTROL, force=friction * coulomb, physicsClientId=self.client
+                )
+                pybullet.changeDynamics(body, joint, jointDamping=friction * damping, physicsClientId=self.client)
 
-    def scale_mass(self, factor: float) -> None:
-        """Make every body of the arms so many times as heavy as its file says, inertia and all."""
-        for body in self.bodies:
-            for link in range(pybullet.getNumJoints(body, physicsClientId=self.client)):
-                mass, _, inertia = pybullet.getDynamicsInfo(body, link, physicsClientId=self.client)[:3]
-                pybullet.changeDynamics(
-                    body, link, mass=factor * mass, localInertiaDiagonal=[factor * value for value in inertia],
-                    physicsClientId=self.client,
-                )  # fmt: skip
-
-    def scale_friction(self, factor: float) -> None:
-        """Make damping and dry friction of every driven joint so many times as large as the arm's."""
-        for body, joints, arm in zip(self.bodies, self.joints, self.cell.arms, strict=True):
-            for k, joint in enumerate(joints):
-                pybullet.setJointMotorControl2(
-                    body, joint, pybullet.VELOCITY_CONTROL, force=factor * float(arm.coulomb[k]),
-                    physicsClientId=self.client,
-                )  # fmt: skip
-                damping = factor * float(arm.damping[k])
-                pybullet.changeDynamics(body, joint, jointDamping=damping, physicsClientId=self.client)
-
-    def reset_joints(self, q: Floats) -> None:
-        """Put every arm at rest at ``q`` (A, n)."""
-        for body, joints, row in zip(self.bodies, self.joints, q.tolist(), strict=True):
-            for joint, value in zip(joints, row, strict=False):
-                pybullet.resetJointState(body, joint, value, 0.0, physicsClientId=self.client)
+    def put_joints(self, q: Floats, qd: Floats) -> None:
+        """Put every arm at ``q`` with the speeds ``qd``, both (A, n)."""
+        for body, arm, places, speeds in zip(self.bodies, self.cell.arms, q.tolist(), qd.tolist(), strict=True):
+            for joint in range(arm.dof):
+                pybullet.resetJointState(body, joint, places[joint], speeds[joint], physicsClientId=self.client)
 
     def read_joints(self, q: Floats, qd: Floats) -> None:
         """Write positions and speeds of all arms to ``q``, ``qd`` (A, n)."""
-        for i, (body, joints) in enumerate(zip(self.bodies, self.joints, strict=True)):
-            for j, state in enumerate(pybullet.getJointStates(body, joints, physicsClientId=self.client)):
-                q[i, j], qd[i, j] = state[0], state[1]
+        for body, joints, places, speeds in zip(self.bodies, self.joints, q, qd, strict=True):
+            states = pybullet.getJointStates(body, joints, physicsClientId=self.client)
+            places[: len(joints)] = [state[0] for state in states]
+            speeds[: len(joints)] = [state[1] for state in states]
 
     def apply_torque(self, torque: Floats) -> None:
         """Apply ``torque`` (A, n) for the next step and make it."""
@@ -136,11 +201,11 @@ class Scene:
             )
         pybullet.stepSimulation(physicsClientId=self.client)
 
-    def __reduce__(self) -> NoReturn:
-        raise InputError(  # a copy would move the same bodies
-            "what is in PyBullet can neither be copied nor pickled",
-            remedy='copy one of physics="ideal" without pictures, or reset another one with the same seed',
-        )
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        q = np.zeros((2, len(self.joints), max(map(len, self.joints))))
+        if self.client >= 0:
+            self.read_joints(*q)
+        return _scene_again, (self.cell, *self._errors, q if self.client >= 0 else None)
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
@@ -148,6 +213,16 @@ class Scene:
             with quiet():
                 pybullet.disconnect(self.client)
             self.client = -1
+
+
+def _scene_again(cell: Cell, model_error: float, friction_error: float, joints: Floats | None) -> Scene:
+    """A scene without pictures in a client of its own, where another one is: ``joints`` (2, A, n); None: closed."""
+    scene = Scene(cell, model_error=model_error, friction_error=friction_error)
+    if joints is None:
+        scene.close()
+    else:
+        scene.put_joints(*joints)
+    return scene
 
 
 def _load_egl(client: int) -> bool:
@@ -169,34 +244,3 @@ def quat_xyzw(R: Floats) -> tuple[float, float, float, float]:
 
     x, y, z, w = Rotation.from_matrix(R).as_quat()
     return float(x), float(y), float(z), float(w)
-
-
-def _with_tool(arm: Arm, tool: ToolConfig | None, folder: Path) -> Path:
-    """The arm's URDF, or a copy in ``folder`` with a tool bolted to its tip."""
-    if tool is None:
-        return arm.urdf
-    tree = ElementTree.parse(arm.urdf)  # noqa: S314 (read before)
-    for mesh in tree.iter("mesh"):
-        name = mesh.get("filename", "")
-        if "://" not in name:
-            mesh.set("filename", str((arm.urdf.parent / name).resolve()))
-    root = tree.getroot()
-    link = ElementTree.SubElement(root, "link", name="armtempo_tool")
-    if tool.mass_kg > 0.0:
-        inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, tool.com_m)))
-        ElementTree.SubElement(inertial, "mass", value=repr(tool.mass_kg))
-        names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        values: dict[str, Any] = {name: repr(v) for name, v in zip(names, tool.inertia_kgm2, strict=True)}
-        ElementTree.SubElement(inertial, "inertia", **values)
-    else:  # PyBullet takes a link without an inertial for 1 kg
-        inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "mass", value="0")
-        zeros: dict[str, Any] = dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "0")
-        ElementTree.SubElement(inertial, "inertia", **zeros)
-    joint = ElementTree.SubElement(root, "joint", name="armtempo_tool_joint", type="fixed")
-    ElementTree.SubElement(joint, "parent", link=arm.tip_link)
-    ElementTree.SubElement(joint, "child", link="armtempo_tool")
-    file = folder / "arm.urdf"
-    tree.write(file)
-    return file

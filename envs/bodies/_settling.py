@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from armtempo.arrays import Floats
+from armtempo.state import Stateful
 
 SETTLED_DISTANCE = 1e-3
 """Of the tip from its goal [m], and"""
@@ -22,7 +23,7 @@ END_ROUNDING = 1e-12
 
 
 @final
-class Settling:
+class Settling(Stateful):
     """An arm arrives at the later of its reference's end and the first tick from which its tip stays settled.
 
     Args:
@@ -34,6 +35,8 @@ class Settling:
     Attributes:
         arrival: (A,) instants of arrival [s], nan before.
     """
+
+    changing = ("arrival", "_since")
 
     def __init__(
         self,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
 from armtempo.planners import Cell
+from armtempo.state import Stateful
 
 CellT_co = TypeVar("CellT_co", bound=Cell, covariant=True)
 TraceT_co = TypeVar("TraceT_co", bound="Trace[Any]", covariant=True)
@@ -123,7 +124,15 @@ def _per_arm(values: Floats | tuple[Floats, ...]) -> tuple[Floats, ...]:
 
 
 @final
-class Recorder:
+class Blocks(dict[str, list[NDArray[Any]]]):
+    """Rows by name, in blocks that nobody writes to any more: a copy shares them."""
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Blocks:
+        return Blocks({name: list(blocks) for name, blocks in self.items()})
+
+
+@final
+class Recorder(Stateful):
     """The columns of a trace, gathered row by row.
 
     Args:
@@ -131,14 +140,16 @@ class Recorder:
         tick: Time between rows [s].
     """
 
+    changing = ("_blocks",)
+
     def __init__(self, *, wanted: bool, tick: float) -> None:
         self.wanted = wanted
         self._tick = tick
-        self._blocks: dict[str, list[NDArray[Any]]] = {}
+        self._blocks = Blocks()
 
     def clear(self) -> None:
         """Begin anew."""
-        self._blocks = {}
+        self._blocks = Blocks()
 
     def add(self, **row: ArrayLike) -> None:
         """One row: every column's value at it, copied."""

@@ -6,7 +6,15 @@ from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, r
 from armtempo.envs.common._drawn_cells import DrawnCells, Slots, families_of
 from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
 from armtempo.envs.common._lifecycle import Lifecycle
-from armtempo.envs.common._options import check_bodies, check_names, check_time_limit, is_number, options_of
+from armtempo.envs.common._options import (
+    check_bodies,
+    check_flags,
+    check_names,
+    check_time_limit,
+    is_number,
+    options_of,
+    read_seed,
+)
 from armtempo.envs.common._random import (
     BEGIN,
     FAMILY,
@@ -28,18 +36,14 @@ from armtempo.envs.common._rewards import (
     progress_reward,
     time_reward,
 )
+from armtempo.envs.common._saved import SavedEnv, SavedEnvs
 from armtempo.envs.common._single_agent import SingleAgentEnv
 from armtempo.envs.common._vector_env import Batch, VectorBase, as_commands, ideal_options, spread
 from armtempo.envs.common._vector_parts import (
     Chunks,
     Generators,
-    SavedBatch,
     Seeds,
-    check_same,
-    check_state,
-    copied,
     count_of,
-    put_state,
     sums_of,
     with_masks,
 )
@@ -49,17 +53,14 @@ __all__ = [
     "Chunks",
     "DrawnCells",
     "Generators",
-    "SavedBatch",
+    "SavedEnv",
+    "SavedEnvs",
     "Seeds",
     "Slots",
     "VectorBase",
     "as_commands",
-    "check_same",
-    "check_state",
-    "copied",
     "families_of",
     "ideal_options",
-    "put_state",
     "sums_of",
     "with_masks",
     "BEGIN",
@@ -79,6 +80,7 @@ __all__ = [
     "check_late",
     "check_names",
     "check_bodies",
+    "check_flags",
     "is_number",
     "options_of",
     "check_time_limit",
@@ -93,6 +95,7 @@ __all__ = [
     "progress_reward",
     "read_action",
     "read_actions",
+    "read_seed",
     "share",
     "spread",
     "time_reward",

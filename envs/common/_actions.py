@@ -2,14 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
 from armtempo.envs.common._options import is_number
-from armtempo.errors import ActionError, InputError
+from armtempo.errors import ActionError, InputError, brief
 
 TIME_LIMIT = 5.0  # sequential times after which an episode is truncated
+
+
+def finite_numbers(values: ArrayLike, most: int) -> Floats | None:
+    """An array of finite numbers, None if these are none, or lists of more than so many items, nested ones included.
+
+    Texts, objects and truth values are not taken for numbers.
+    """
+    if isinstance(values, list | tuple) and not _within(values, most):
+        return None
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # ragged, or a tensor that needs its gradient
+        return None
+    if array.dtype.kind not in "iuf":
+        return None
+    numbers = array.astype(np.float64, copy=False)
+    return numbers if np.isfinite(numbers).all() else None
+
+
+def _within(values: list[Any] | tuple[Any, ...], most: int) -> bool:
+    """Whether lists in lists have at most so many items: numpy would look at all of them."""
+    left: list[Any] = [values]
+    count = 0
+    while left:
+        one = left.pop()
+        if isinstance(one, list | tuple):
+            count += len(one)
+            if count > most:
+                return False
+            left.extend(one)
+    return True
 
 
 def read_action(action: ArrayLike, agent: str) -> float:
@@ -27,16 +60,13 @@ def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:
     Raises:
         ActionError: It is not so many finite numbers.
     """
-    try:
-        values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):  # not numbers at all
-        values = np.array([np.nan])
-    if size == 1 and values.shape == ():
+    values = finite_numbers(action, size)
+    if size == 1 and values is not None and values.shape == ():
         values = values[None]
-    if values.shape != (size,) or not np.isfinite(values).all():
+    if values is None or values.shape != (size,):
         what = "one finite number" if size == 1 else f"{size} finite numbers"
         raise ActionError(
-            f"action of {agent} must be {what} in an array of shape ({size},), got {action!r}",
+            f"action of {agent} must be {what} in an array of shape ({size},), got {brief(action)}",
             remedy="clip it to [-1, 1] and replace NaN before env.step",
             agent=agent,
             action=action,
@@ -47,4 +77,4 @@ def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:
 def check_late(late: object) -> None:
     """Raise InputError unless ``late`` is a time [s] to wait."""
     if not (is_number(late) and late >= 0.0):
-        raise InputError(f"master_late_s must be a time in seconds, got {late!r}", remedy="give 0 or more")
+        raise InputError(f"master_late_s must be a time in seconds, got {brief(late)}", remedy="give 0 or more")

@@ -8,8 +8,10 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
+from armtempo.envs.common._options import read_seed
 from armtempo.envs.common._vector_parts import count_of
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
+from armtempo.state import State, Stateful
 
 CellT = TypeVar("CellT")
 
@@ -45,14 +47,16 @@ def families_of(family: str | Sequence[str]) -> tuple[str, ...]:
     Raises:
         InputError: There is none.
     """
-    families = (family,) if isinstance(family, str) else tuple(family)
+    if isinstance(family, str):
+        return (family,)
+    families = tuple(family) if isinstance(family, Sequence) else ()
     if not families:
-        raise InputError("there is no family", remedy="give one at least")
+        raise InputError(f"there is no family in {brief(family)}", remedy="give one name at least")
     return families
 
 
 @final
-class DrawnCells(Generic[CellT]):
+class DrawnCells(Stateful, Generic[CellT]):
     """Cells of the same arm with tasks that are drawn: one for every episode, or so many beforehand.
 
     Args:
@@ -67,11 +71,15 @@ class DrawnCells(Generic[CellT]):
 
     Attributes:
         slots: How many are kept.
+        cells: What is in them.
+        made_of: What tells them apart from others.
         beforehand: Whether nothing is drawn for an episode.
 
     Raises:
         InputError: A number that cannot be used.
     """
+
+    changing = ("cells",)
 
     def __init__(
         self,
@@ -85,13 +93,16 @@ class DrawnCells(Generic[CellT]):
         what: str,
     ) -> None:
         count = episodes if number is None else count_of(number, what)
-        if not (isinstance(seed, int | np.integer) and seed >= 0):
-            raise InputError(f"{what[:-1]}_seed must be a whole number, 0 or more, got {seed!r}")
+        first = read_seed(seed, f"{what[:-1]}_seed")
+        if first is None:
+            raise InputError(f"{what[:-1]}_seed must be a whole number, 0 or more, got None")
         if number is not None and count < len(families):
             raise InputError(f"{count} {what} for {len(families)} families", remedy="draw one of each at least")
         given = set(families) == {"given"}
-        self._cell, self._families, self._draw, self._put, self._seed = cell, families, draw, put, seed
+        self._cell, self._families, self._draw, self._put, self._seed = cell, families, draw, put, first
         self.slots, self.beforehand = 1 if given else count, given or number is not None
+        self.cells: list[CellT] = [cell] * self.slots
+        self.made_of = {"families": tuple(families), what: number, f"{what[:-1]}_seed": int(seed)}
 
     def draw_beforehand(self) -> None:
         """Fill the slots, if nothing is drawn for an episode."""
@@ -100,7 +111,19 @@ class DrawnCells(Generic[CellT]):
             self._fill(slot, slot, random)
 
     def _fill(self, slot: int, turn: int, random: np.random.Generator) -> None:
-        self._put(slot, self._draw(self._cell, self._families[turn % len(self._families)], random))
+        self._keep(slot, self._draw(self._cell, self._families[turn % len(self._families)], random))
+
+    def _keep(self, slot: int, cell: CellT) -> None:
+        self.cells[slot] = cell
+        self._put(slot, cell)
+
+    def _own_state(self) -> State:
+        return {} if self.beforehand else super()._own_state()
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        for slot, cell in enumerate(state.get("cells", ())):
+            if cell is not self.cells[slot]:
+                self._keep(slot, cell)
 
     def slot_for(self, e: int, random: np.random.Generator) -> int:
         """The slot that a new episode of environment e takes its task from."""

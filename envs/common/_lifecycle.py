@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from armtempo.envs.bodies import Renderer, Simulation, Trace, check_render_mode
 from armtempo.envs.common._options import check_names
-from armtempo.errors import ActionError, InputError, RenderError
+from armtempo.errors import ActionError, InputError, RenderError, brief
 from armtempo.planners import Cell
+from armtempo.state import Stateful
 
 
 @final
-class Lifecycle:
+class Lifecycle(Stateful):
     """Whether an environment is open, whether an episode is on, and its pictures.
 
     Args:
@@ -23,17 +24,20 @@ class Lifecycle:
 
     Attributes:
         render_mode: As given.
-        running: Whether an episode is on. The environment sets it when a reset has gone well and when an episode ends.
+        running: Whether an episode is on. The environment clears it when one ends.
+        begun: Whether there was a reset that went well.
         closed: Whether ``close`` was called.
 
     Raises:
         RenderError: There is no such mode.
     """
 
+    changing = ("running", "begun")
+
     def __init__(self, render_mode: str | None) -> None:
         check_render_mode(render_mode)
         self.render_mode = render_mode
-        self.running = self.closed = False
+        self.running = self.begun = self.closed = False
         self._renderer: Renderer | None = None
         self._drawn: Cell | None = None  # by the renderer
 
@@ -50,13 +54,23 @@ class Lifecycle:
             UnknownNameError: There is no such option.
         """
         self.running = False
-        if self.closed:
-            raise InputError("the environment is closed", remedy="make a new one")
+        self.check_open()
         given = {} if options is None else options
         if not isinstance(given, Mapping):
-            raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
+            raise InputError(
+                f"options must map names to values, got {brief(given)}", remedy=f"known: {', '.join(known)}"
+            )
         check_names(*(("reset option", name, known) for name in given if name not in ignored))
         return given
+
+    def start(self) -> None:
+        """A reset has gone well."""
+        self.running = self.begun = True
+
+    def check_open(self) -> None:
+        """Raise InputError if it is closed."""
+        if self.closed:
+            raise InputError("the environment is closed", remedy="make a new one")
 
     def check_running(self) -> None:
         """Raise ActionError for a step out of turn."""
@@ -89,6 +103,11 @@ class Lifecycle:
         if extras is not None:
             extras(self._renderer)
         return self._renderer.render(simulation.joint_positions())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without pictures: a copy draws its own when it is asked to, and opens no window of itself."""
+        mode = None if self.render_mode == "human" else self.render_mode
+        return {**self.__dict__, "render_mode": mode, "_renderer": None, "_drawn": None}
 
     def close(self) -> None:
         """Close window and renderer; may be called twice."""

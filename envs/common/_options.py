@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from inspect import Parameter, signature
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 import numpy as np
 
 from armtempo.envs.bodies import PHYSICS
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
+from armtempo.reading import MOST_MAGNITUDE
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -46,23 +46,43 @@ def options_of(
 def check_names(*choices: tuple[str, object, Sequence[str]]) -> None:
     """Raise UnknownNameError for the first (kind, name, known names) whose name is not known."""
     for kind, name, known in choices:
-        if name not in known:
-            raise UnknownNameError(kind, str(name), known)
+        if not isinstance(name, str) or name not in known:
+            raise UnknownNameError(kind, name, known)
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether it is one finite number; True and False are none."""
+    """Whether it is one finite number of a sane size; True and False are none."""
     return (
         isinstance(value, int | float | np.integer | np.floating)
         and not isinstance(value, bool)
-        and math.isfinite(value)
+        and bool(-MOST_MAGNITUDE <= value <= MOST_MAGNITUDE)  # not nan, either; and no float is made of 400 digits
     )
+
+
+def check_flags(**flags: object) -> None:
+    """Raise InputError for the first that is neither True nor False: ``"no"`` would count as yes."""
+    for name, value in flags.items():
+        if not isinstance(value, bool | np.bool_):
+            raise InputError(f"{name} must be True or False, got {brief(value)}", remedy="give one of them")
+
+
+def read_seed(seed: object, what: str = "seed") -> int | None:
+    """A seed, None if there is none.
+
+    Raises:
+        InputError: It is no whole number, or below 0.
+    """
+    if seed is None:
+        return None
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"{what} must be a whole number, 0 or more, got {brief(seed)}", remedy="give one, or None")
+    return int(seed)
 
 
 def check_time_limit(max_episode_s: float | None) -> None:
     """Raise InputError unless it is a time [s], or None."""
     if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
-        raise InputError(f"max_episode_s must be positive, got {max_episode_s!r}", remedy="give seconds, or None")
+        raise InputError(f"max_episode_s must be positive, got {brief(max_episode_s)}", remedy="give seconds, or None")
 
 
 def check_bodies(physics: str, **errors: float) -> None:
@@ -75,9 +95,9 @@ def check_bodies(physics: str, **errors: float) -> None:
     check_names(("physics", physics, PHYSICS))
     for name, value in errors.items():
         if not (is_number(value) and value > -1.0):
-            raise InputError(f"{name} must be a share above -1, got {value!r}", remedy="give 0.1 for 10 % more")
+            raise InputError(f"{name} must be a share above -1, got {brief(value)}", remedy="give 0.1 for 10 % more")
         if value and physics != "bullet":
             raise InputError(
-                f"{name} is {value:g} and physics {physics!r}, which has no bodies",
+                f"{name} is {value:g} and physics {brief(physics)}, which has no bodies",
                 remedy=f"take physics='bullet', or leave {name} out",
             )

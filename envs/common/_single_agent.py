@@ -13,14 +13,17 @@ from numpy.typing import NDArray
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import Renderer, Simulation, Trace
 from armtempo.envs.common._lifecycle import Lifecycle
+from armtempo.envs.common._options import read_seed
+from armtempo.envs.common._saved import SavedEnv
 from armtempo.planners import Cell
 
 SimulationT = TypeVar("SimulationT", bound=Simulation[Cell, Trace[Any]])
 
 
-class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
+class SingleAgentEnv(SavedEnv, gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
     """The part of an environment of one agent that does not depend on its task; a subclass makes ``simulation``."""
 
+    changing: ClassVar[tuple[str, ...]] = ("np_random", "_np_random_seed", "simulation", "_life")
     reset_options: ClassVar[tuple[str, ...]]
     """Names of what ``reset`` may be given for one episode."""
 
@@ -53,13 +56,13 @@ class SingleAgentEnv(gymnasium.Env[Floats32, Floats32], Generic[SimulationT]):
 
         Raises:
             UnknownNameError: No such option, or a name as a value that does not exist.
-            InputError: ``options`` is no mapping, a value cannot be used, or the environment is closed.
+            InputError: The seed is none, ``options`` no mapping, a value cannot be used, or the environment is closed.
             ArmtempoError: What the cell's kind has to say of an option.
         """
         given = self._life.begin(options, self.reset_options)
-        super().reset(seed=seed)
+        super().reset(seed=read_seed(seed))
         observation, info = self._begin(given, seed is not None)
-        self._life.running = True
+        self._life.start()
         if self.render_mode == "human":
             self.render()
         return observation, info

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Space
@@ -13,41 +15,51 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs.common._options import OptionsT, check_names, options_of
-from armtempo.envs.common._vector_parts import Seeds, check_state
-from armtempo.errors import ActionError, InputError
+from armtempo.envs.common._actions import finite_numbers
+from armtempo.envs.common._options import OptionsT, check_names, options_of, read_seed
+from armtempo.envs.common._saved import SavedEnvs
+from armtempo.envs.common._vector_parts import Seeds
+from armtempo.errors import ActionError, InputError, brief
+from armtempo.state import State, Stateful
 
 
-class Batch(Protocol):
+class Batch(Stateful, ABC):
     """E episodes of a kind that are stepped together, arrays in and out. What it returns is new: it writes elsewhere.
 
     Episodes of several arms have an axis of arms: (E, A, ...). They are over when all of it is.
     """
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """The cell's."""
 
     @property
+    @abstractmethod
     def observations(self) -> Floats32:
         """(E, ..., size) now."""
 
     @property
+    @abstractmethod
     def rewards(self) -> Floats:
         """(E, ...) of the last step."""
 
     @property
+    @abstractmethod
     def terminated(self) -> Bools:
         """(E, ...)."""
 
     @property
+    @abstractmethod
     def truncated(self) -> Bools:
         """(E, ...)."""
 
     @property
-    def saveable(self) -> bool:
-        """Whether all that the episodes depend on is in ``get_state``."""
+    @abstractmethod
+    def made_of(self) -> State:
+        """What tells them apart from others, beside their cell: plain values by name."""
 
+    @abstractmethod
     def reset(self, mask: Bools, seeds: Seeds | None, options: Mapping[str, Any]) -> dict[str, Any]:
         """Begin new episodes, those of ``mask`` (E,); what infos tell of them.
 
@@ -57,18 +69,15 @@ class Batch(Protocol):
             options: Of this reset, with names that the vector knows.
         """
 
+    @abstractmethod
     def step(self, actions: Floats, active: Bools) -> None:
         """Run a step of the ``active`` (E,) under ``actions`` in [-1, 1]; rewards of the others are 0."""
 
+    @abstractmethod
     def figures(self, over: Bools) -> dict[str, Any]:
         """What infos tell of episodes that have ended just now, ``over`` (E,)."""
 
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes, copied."""
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from there; InputError if it is the state of others."""
-
+    @abstractmethod
     def close(self) -> None:
         """End the threads; may be called twice."""
 
@@ -76,7 +85,7 @@ class Batch(Protocol):
 BatchT = TypeVar("BatchT", bound=Batch)
 
 
-class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
+class VectorBase(SavedEnvs, VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
     """Gymnasium's vector environment over a ``Batch``: seeds, resets of some, automatic resets, infos, states.
 
     A *row* is what one agent sees and does: an environment, unless a subclass has several agents in each.
@@ -89,6 +98,7 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
         autoreset_mode: ``NEXT_STEP`` or ``SAME_STEP`` of Gymnasium's ``AutoresetMode``, or its value.
     """
 
+    changing = ("batch", "_over")
     reset_options: ClassVar[tuple[str, ...]] = ()
     """Names of what ``reset`` may be given for one episode, beside ``reset_mask``."""
 
@@ -125,8 +135,7 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
             UnknownNameError: No such option.
             InputError: An option cannot be used, mask or seeds are not one for each environment, or all is closed.
         """
-        if self.closed:
-            raise InputError("the environments are closed", remedy="make new ones")
+        self._check_open()
         given, mask = self._read_options(options)
         seeds = spread(seed, self.num_envs)
         begun = mask if self._begun else np.ones(self.num_envs, dtype=np.bool_)
@@ -142,7 +151,9 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
         known = ("reset_mask", *self.reset_options)
         given = {} if options is None else options
         if not isinstance(given, Mapping):
-            raise InputError(f"options must map names to values, got {given!r}", remedy=f"known: {', '.join(known)}")
+            raise InputError(
+                f"options must map names to values, got {brief(given)}", remedy=f"known: {', '.join(known)}"
+            )
         check_names(*(("reset option", name, known) for name in given))
         mask = given.get("reset_mask")
         mask = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask
@@ -178,30 +189,19 @@ class VectorBase(VectorEnv[Floats32, Floats32, NDArray[Any]], Generic[BatchT]):
                 infos |= figures
         return batch.observations, rewards, terminated, truncated, infos
 
-    @property
-    def saveable(self) -> bool:
-        """Whether they have a state that can be saved."""
-        return self.batch.saveable
+    def made_of(self) -> State:
+        """The cell's name, how many there are, and what the batch says."""
+        return {"cell": self.batch.name, "num_envs": self.num_envs, **self.batch.made_of}
 
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes, as arrays; ``set_state`` of environments made alike goes on from there with the same bits.
+    def _check_open(self) -> None:
+        if self.closed:
+            raise InputError("the environments are closed", remedy="make new ones")
 
-        Raises:
-            InputError: Nothing was reset yet, or episodes depend on what no array tells.
-        """
-        if not self._begun:
-            raise InputError("there is no state before a reset", remedy="call reset")
-        return {**self.batch.get_state(), "over": self._over.copy()}
+    def _was_reset(self) -> bool:
+        return self._begun
 
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from ``get_state``; no reset is needed before.
-
-        Raises:
-            InputError: It is the state of other environments.
-        """
-        check_state({"over": self._over}, state, self.batch.name)
-        self.batch.set_state(state)
-        self._over = state["over"].copy()
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        super()._go_on(state)
         self._begun = True
 
     def close_extras(self, **_: Any) -> None:
@@ -244,7 +244,7 @@ def ideal_options(
     options = options_of(kind, {"physics": "ideal", **keywords}, taker)
     physics = keywords.get("physics", "ideal")
     if physics != "ideal" or render_mode is not None:
-        what = f"physics {physics!r}" if physics != "ideal" else f"render_mode {render_mode!r}"
+        what = f"physics {brief(physics)}" if physics != "ideal" else f"render_mode {brief(render_mode)}"
         raise InputError(
             f"many environments at once run without physics and pictures, got {what}",
             remedy='use physics="ideal", or gymnasium.make_vec(..., vectorization_mode="sync")',
@@ -256,15 +256,17 @@ def spread(seed: int | Sequence[int | None] | None, count: int) -> list[int | No
     """One seed per environment, as Gymnasium has it: ``seed + k``, or a sequence of them.
 
     Raises:
-        InputError: The sequence is not that long.
+        InputError: The sequence is not that long, or one is no seed.
     """
-    if seed is None:
-        return [None] * count
-    if isinstance(seed, int | np.integer):
-        return [int(seed) + k for k in range(count)]
-    if len(seed) != count:
-        raise InputError(f"{len(seed)} seeds for {count} episodes", remedy="give one for each, or a single number")
-    return [None if one is None else int(one) for one in seed]
+    given: object = seed
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if isinstance(given, Sequence) and not isinstance(given, str | bytes):
+        if len(given) != count:
+            raise InputError(f"{len(given)} seeds for {count} episodes", remedy="give one for each, or a single number")
+        return [read_seed(one) for one in given]
+    first = read_seed(given)
+    return [None] * count if first is None else [first + k for k in range(count)]
 
 
 def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
@@ -274,8 +276,8 @@ def autoreset_of(mode: AutoresetMode | str) -> AutoresetMode:
         InputError: It is neither.
     """
     known = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
-    if mode not in (*known, *(one.value for one in known)):
-        raise InputError(f"autoreset_mode is {mode!r}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
+    if not isinstance(mode, AutoresetMode | str) or mode not in (*known, *(one.value for one in known)):
+        raise InputError(f"autoreset_mode is {brief(mode)}", remedy="use AutoresetMode.NEXT_STEP or SAME_STEP")
     return AutoresetMode(mode)
 
 
@@ -285,13 +287,11 @@ def read_many(actions: ArrayLike, shape: tuple[int, ...]) -> Floats:
     Raises:
         ActionError: They are not finite numbers of that shape.
     """
-    try:
-        values = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError):  # not numbers at all
-        values = np.array(np.nan)
-    if values.shape != shape or not np.isfinite(values).all():
+    values = finite_numbers(actions, len(shape) * math.prod(shape))
+    if values is None or values.shape != shape:
+        got = brief(actions) if values is None else f"shape {values.shape}"
         raise ActionError(
-            f"actions must be finite numbers in an array of shape {shape}, got shape {values.shape}",
+            f"actions must be finite numbers in an array of shape {shape}, got {got}",
             remedy="clip them to [-1, 1] and replace NaN before step",
         )
     return np.clip(values, -1.0, 1.0)

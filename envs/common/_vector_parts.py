@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -14,15 +13,17 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
+from armtempo.state import State, Stateful
 
 Seeds = Sequence[int | None]
+MOST_THINGS = 10**7  # environments, threads, cells: more is a slip
 
 
 def count_of(number: int, what: str = "num_envs") -> int:
     """A number of things, one at least."""
-    if isinstance(number, bool) or not (isinstance(number, int | np.integer) and number > 0):
-        raise InputError(f"{what} must be a whole number above 0, got {number!r}")
+    if isinstance(number, bool) or not (isinstance(number, int | np.integer) and 0 < number <= MOST_THINGS):
+        raise InputError(f"{what} must be a whole number above 0, {MOST_THINGS} at most, got {brief(number)}")
     return int(number)
 
 
@@ -39,45 +40,21 @@ def with_masks(values: Mapping[str, NDArray[Any]], mask: Bools) -> dict[str, Any
     return {**values, **{f"_{name}": mask for name in values}}
 
 
-def copied(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """A state: what these arrays hold now."""
-    return {name: array.copy() for name, array in arrays.items()}
-
-
-def check_state(arrays: Mapping[str, NDArray[Any]], state: Mapping[str, NDArray[Any]], name: str) -> None:
-    """Raise InputError unless ``state`` has such arrays; ``name``: of the cell."""
-    for key, array in arrays.items():
-        if key not in state or state[key].shape != array.shape or state[key].dtype != array.dtype:
-            raise _misfit(key, name)
-
-
-def check_same(constants: Mapping[str, NDArray[Any]], state: Mapping[str, NDArray[Any]], name: str) -> None:
-    """Raise InputError unless ``state`` is of environments made alike: has these very values."""
-    check_state(constants, state, name)
-    for key, array in constants.items():
-        if (state[key] != array).any():
-            raise _misfit(key, name)
-
-
-def put_state(arrays: Mapping[str, NDArray[Any]], state: Mapping[str, NDArray[Any]], name: str) -> None:
-    """Write ``state`` into ``arrays``; raises as ``check_state``, and then writes nothing."""
-    check_state(arrays, state, name)
-    for key, array in arrays.items():
-        array[...] = state[key]
-
-
-def _misfit(key: str, name: str) -> InputError:
-    return InputError(
-        f"the state's {key} does not fit these environments of {name!r}", remedy="make them with the same arguments"
-    )
-
-
 @final
-class Generators:
+class Generators(Stateful):
     """One generator of random numbers per environment, seeded as Gymnasium seeds that of a single one."""
 
     def __init__(self, count: int) -> None:
         self.each = [seeding.np_random(None)[0] for _ in range(count)]
+
+    def _own_state(self) -> State:
+        return {"words": self._words()}
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        for one, row in zip(self.each, state["words"].tolist(), strict=True):
+            numbers = {"state": row[0] * 2**64 + row[1], "inc": row[2] * 2**64 + row[3]}
+            own: Mapping[str, Any] = one.bit_generator.state
+            one.bit_generator.state = {**own, "state": numbers, "has_uint32": row[4], "uinteger": row[5]}
 
     def seed(self, seeds: Seeds | None, mask: Bools) -> None:
         """Seed those of ``mask`` (E,) that have a seed."""
@@ -85,7 +62,7 @@ class Generators:
             if seeds is not None and seeds[e] is not None:
                 self.each[e] = seeding.np_random(seeds[e])[0]
 
-    def get_state(self) -> NDArray[np.uint64]:
+    def _words(self) -> NDArray[np.uint64]:
         """(E, 6) all that they go on from."""
         rows = []
         for one in self.each:
@@ -94,13 +71,6 @@ class Generators:
             halves = [half for number in numbers for half in divmod(number, 2**64)]
             rows.append([*halves, state["has_uint32"], state["uinteger"]])
         return np.array(rows, dtype=np.uint64)
-
-    def set_state(self, state: NDArray[np.uint64]) -> None:
-        """Go on from there."""
-        for one, row in zip(self.each, state.tolist(), strict=True):
-            numbers = {"state": row[0] * 2**64 + row[1], "inc": row[2] * 2**64 + row[3]}
-            own: Mapping[str, Any] = one.bit_generator.state
-            one.bit_generator.state = {**own, "state": numbers, "has_uint32": row[4], "uinteger": row[5]}
 
 
 @final
@@ -120,7 +90,17 @@ class Chunks:
         fitting = max(1, min(os.cpu_count() or 1, episodes // per_thread))
         count = fitting if threads is None else min(count_of(threads, "threads"), episodes)
         self.bounds: list[tuple[int, int]] = list(pairwise(np.linspace(0, episodes, count + 1).astype(int).tolist()))
-        self._pool = ThreadPoolExecutor(count - 1) if count > 1 else None
+        self._pool = self._threads()
+
+    def _threads(self) -> ThreadPoolExecutor | None:
+        return ThreadPoolExecutor(len(self.bounds) - 1) if len(self.bounds) > 1 else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"bounds": self.bounds}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.bounds = state["bounds"]
+        self._pool = self._threads()  # a copy has threads of its own
 
     def run(self, work: Callable[[int, int, int], None]) -> None:
         """``work(k, first, last)`` for every chunk k; the first in this thread, all at once."""
@@ -135,38 +115,3 @@ class Chunks:
         """End the threads; may be called twice."""
         if self._pool is not None:
             self._pool.shutdown()
-
-
-class SavedBatch(ABC):
-    """A batch that can be saved and gone on with: what changes, what tells it from others, and its dice."""
-
-    _generators: Generators
-    _chunks: Chunks
-
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """The cell's."""
-
-    @abstractmethod
-    def _changing(self) -> dict[str, NDArray[Any]]:
-        """The arrays that steps write to; InputError where a cell is drawn for every episode."""
-
-    @abstractmethod
-    def _constant(self) -> dict[str, NDArray[Any]]:
-        """What tells these environments from others."""
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes, copied; InputError where a cell is drawn for every episode."""
-        return copied({**self._changing(), **self._constant(), "random": self._generators.get_state()})
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from ``get_state`` of a batch made alike; InputError where it was not, and then nothing changes."""
-        random = self._generators.get_state()
-        check_same(self._constant(), state, self.name)
-        put_state({**self._changing(), "random": random}, state, self.name)
-        self._generators.set_state(random)
-
-    def close(self) -> None:
-        """End the threads."""
-        self._chunks.close()

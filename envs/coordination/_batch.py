@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Unpack, final
 
 import numpy as np
 from gymnasium.utils import seeding
-from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.common import (
     Chunks,
     check_names,
-    copied,
     count_of,
     ideal_options,
     key_from,
-    put_state,
     spread,
 )
 from armtempo.envs.coordination._episode import time_limit
@@ -47,12 +44,13 @@ from armtempo.envs.coordination.world import (
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, Precedence
 from armtempo.planners.cells import as_cell
+from armtempo.state import Stateful
 
 REWARDS = ("own", "team")
 
 
 @final
-class BatchSimulation:
+class BatchSimulation(Stateful):
     """E episodes of a cell at once (A arms), as environments with ``physics="ideal"`` run them, to the last bit.
 
     Args:
@@ -80,6 +78,11 @@ class BatchSimulation:
 
     All of them are written in place: copy what is to be kept.
     """
+
+    changing = (
+        "_episodes", "observations", "rewards", "terminated", "truncated", "undisturbed", "_orders", "_uncertain",
+        "shield_cut", "shield_changed", "shield_change",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -237,28 +240,6 @@ class BatchSimulation:
             self.shield_cut[:] = np.where(active[:, None], commands - self._admitted, 0.0)
             self.shield_changed += self.shield_cut != 0.0
             self.shield_change += self.shield_cut
-
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        outputs = {name: getattr(self, name) for name in ("observations", "rewards", "terminated", "truncated")}
-        shield = {
-            "orders": self._orders,
-            "uncertain": self._uncertain,
-            "shield_changed": self.shield_changed,
-            "shield_change": self.shield_change,
-        }
-        return {**self._episodes._asdict(), **outputs, **shield, "undisturbed": self.undisturbed}
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes, copied; ``set_state`` goes on from there with the same bits."""
-        return copied(self._arrays())
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from ``get_state`` of a simulation made with the same arguments.
-
-        Raises:
-            InputError: It is of another one.
-        """
-        put_state(self._arrays(), state, self.cell.name)
 
     def close(self) -> None:
         """End the threads; may be called twice."""

@@ -13,6 +13,7 @@ from armtempo.envs.common import TIME_LIMIT, check_late, collision_reward, key_f
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import CoordinationOptions, CoordinationSimulation
 from armtempo.planners import CoordinationCell
+from armtempo.state import Stateful
 
 
 def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[float, float]:
@@ -22,8 +23,10 @@ def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[flo
 
 
 @final
-class Episode:
+class Episode(Stateful):
     """The state of an episode of one cell, above the simulation."""
+
+    changing = ("simulation", "_charged", "_before", "timed_out", "_key", "_number")
 
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool) -> None:
         self.cell = cell

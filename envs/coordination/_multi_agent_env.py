@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
@@ -14,7 +15,15 @@ from pettingzoo import ParallelEnv
 
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
-from armtempo.envs.common import Lifecycle, action_space, observation_space, options_of, read_action
+from armtempo.envs.common import (
+    Lifecycle,
+    SavedEnv,
+    action_space,
+    observation_space,
+    options_of,
+    read_action,
+    read_seed,
+)
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import (
@@ -25,7 +34,7 @@ from armtempo.envs.coordination.world import (
     CoordinationTrace,
     with_auto_reserve,
 )
-from armtempo.errors import ActionError
+from armtempo.errors import ActionError, brief
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell
 
@@ -33,7 +42,7 @@ CHECKERS_OPTION = "options"  # PettingZoo's checkers reset every environment wit
 
 
 @final
-class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
     """Arms on given paths in one workspace, one agent per arm (``arm_0``, ``arm_1``, ... in priority order).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
@@ -127,6 +136,8 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
         "is_parallelizable": True,
     }
 
+    changing = ("np_random", "np_random_seed", "_episode", "_shield", "_life", "agents")
+
     def __init__(
         self,
         cell: CoordinationCell | str | Path = "lee1991",
@@ -178,15 +189,17 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
 
         Raises:
             UnknownNameError: No such option.
-            InputError: ``options`` is no mapping, a value cannot be used, or the environment is closed.
+            InputError: The seed is none, ``options`` no mapping, a value cannot be used, or the environment is closed.
             InfeasibleError: The shield finds no way on from the starts of the paths.
         """
         self.agents = []
         given = self._life.begin(options, RESET_OPTIONS, ignored=(CHECKERS_OPTION,))
+        seed = read_seed(seed)
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
         drawn = self._episode.reset(self.np_random, seed is not None, given, self._shield)
-        self.agents, self._life.running = self.possible_agents[:], True
+        self.agents = self.possible_agents[:]
+        self._life.start()
         if self.render_mode == "human":
             self.render()
         rows = self.simulation.observe()
@@ -204,6 +217,11 @@ class CoordinationEnv(ParallelEnv[str, Floats32, Floats32]):  # type: ignore[mis
                 environment is closed.
         """
         self._life.check_running()
+        if not isinstance(actions, Mapping):
+            raise ActionError(
+                f"actions must map agents to their actions, got {brief(actions)}",
+                remedy=f"give one for each of {', '.join(self.agents)}",
+            )
         commands = self._full_speed.copy()  # an arm at its goal stays there
         for agent in self.agents:
             if agent not in actions:

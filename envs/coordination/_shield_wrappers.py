@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, cast, final
 
 import gymnasium
@@ -10,11 +11,12 @@ from pettingzoo import ParallelEnv
 from pettingzoo.utils import BaseParallelWrapper
 
 from armtempo.arrays import Floats32
-from armtempo.envs.common import read_action
+from armtempo.envs.common import SavedEnv, read_action
 from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
 from armtempo.envs.coordination._yielding_env import YieldingEnv
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.errors import InputError
+from armtempo.state import State, Stateful
 
 
 def _action(asked: Floats32, command: float, admitted: float) -> Floats32:
@@ -22,8 +24,21 @@ def _action(asked: Floats32, command: float, admitted: float) -> Floats32:
     return asked if admitted == command else np.array([2.0 * admitted - 1.0], dtype=np.float32)
 
 
+class _SavedShield(Stateful):
+    """The state of a shield and of the environment that it is in front of."""
+
+    changing = ("_below", "shield")
+    _below: SavedEnv
+    shield: EpisodeShield
+
+    def get_state(self) -> State:
+        """All that changes, of the environment too; ``set_state`` goes on from there. Raises InputError as its own."""
+        self._below.get_state()
+        return super().get_state()
+
+
 @final
-class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
+class ShieldWrapper(_SavedShield, gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
     """Lets through only actions of the learning arm of a ``YieldingEnv`` that leave a way out.
 
     Args:
@@ -36,12 +51,12 @@ class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
     """
 
     def __init__(self, env: gymnasium.Env[Floats32, Floats32], tube_m: float = 0.0) -> None:
-        super().__init__(env)
-        below = env.unwrapped
+        below = getattr(env, "unwrapped", env)
         if not isinstance(below, YieldingEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a YieldingEnv")
+        super().__init__(env)
         self._below: YieldingEnv = below
-        self.shield: EpisodeShield = below.make_shield(tube_m)
+        self.shield = below.make_shield(tube_m)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -63,7 +78,7 @@ class ShieldWrapper(gymnasium.Wrapper[Floats32, Floats32, Floats32, Floats32]):
 
 
 @final
-class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+class ShieldParallelWrapper(_SavedShield, BaseParallelWrapper[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
     """Lets through only actions of the arms of a ``CoordinationEnv`` that leave a way out.
 
     Args:
@@ -76,12 +91,12 @@ class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # ty
     """
 
     def __init__(self, env: ParallelEnv[str, Floats32, Floats32], tube_m: float = 0.0) -> None:
-        super().__init__(env)
-        below = env.unwrapped
+        below = getattr(env, "unwrapped", env)
         if not isinstance(below, CoordinationEnv):
             raise InputError(f"{type(below).__name__} has no shield", remedy="give a CoordinationEnv")
+        super().__init__(env)
         self._below: CoordinationEnv = below
-        self.shield: EpisodeShield = EpisodeShield(below.simulation, tube_m=tube_m)
+        self.shield = EpisodeShield(below.simulation, tube_m=tube_m)
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -93,6 +108,9 @@ class ShieldParallelWrapper(BaseParallelWrapper[str, Floats32, Floats32]):  # ty
 
     def step(self, actions: dict[str, Floats32]) -> tuple[Any, ...]:
         """As the environment's, with the actions that are let through."""
+        given: object = actions  # whatever the annotation says
+        if not isinstance(given, Mapping):
+            self.env.step(actions)  # it complains
         names = self._below.possible_agents
         commands = np.ones(len(names))  # who has arrived stays where it is
         for agent in self.env.agents:

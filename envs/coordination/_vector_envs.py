@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Unpack, final
@@ -17,6 +16,8 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
 from armtempo.envs.common import (
+    Batch,
+    Chunks,
     Seeds,
     VectorBase,
     action_space,
@@ -24,6 +25,7 @@ from armtempo.envs.common import (
     check_late,
     count_of,
     ideal_options,
+    is_number,
     observation_space,
     with_masks,
 )
@@ -31,9 +33,10 @@ from armtempo.envs.coordination._batch import BatchSimulation
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners import CoordinationCell, Execution
 from armtempo.planners.cells import as_cell
+from armtempo.state import State
 
 PER_THREAD = {False: 256, True: 32}  # episodes that are worth a thread: without the shield, and with it
 
@@ -56,14 +59,15 @@ def _begin(simulation: BatchSimulation, mask: Bools, seeds: Seeds | None, late: 
 
 def _late(options: Mapping[str, Any]) -> float | None:
     """``master_late_s`` of a reset."""
-    late: float | None = options.get("master_late_s")
-    if late is not None:
-        check_late(late)
+    if "master_late_s" not in options:
+        return None
+    late: float = options["master_late_s"]
+    check_late(late)
     return late
 
 
 @final
-class YieldingBatch:
+class YieldingBatch(Batch):
     """Episodes of a cell in which one arm learns, as ``VectorBase`` steps them.
 
     Args:
@@ -71,10 +75,16 @@ class YieldingBatch:
         own: Number of the learning arm.
         others: What the other arms do in each episode; none: full speed.
         shielded: Whether the simulation has a shield.
+        made_of: What tells it apart from others.
     """
 
-    def __init__(self, simulation: BatchSimulation, own: int, others: Sequence[Execution], shielded: bool) -> None:
-        self.simulation, self._own, self._others, self._shielded = simulation, own, others, shielded
+    changing = ("simulation", "_others")
+
+    def __init__(
+        self, simulation: BatchSimulation, own: int, others: Sequence[Execution], shielded: bool, made_of: State
+    ) -> None:
+        self.simulation, self._own, self._shielded, self._made_of = simulation, own, shielded, made_of
+        self._others = tuple(others)
         self._commands = np.ones((simulation.episodes, simulation.arms))
 
     @property
@@ -136,19 +146,9 @@ class YieldingBatch:
         return with_masks(figures, over)
 
     @property
-    def saveable(self) -> bool:
-        """Whether no arm is executed in Python."""
-        return not self._others
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes; InputError where other arms are executed in Python, which has a state of its own."""
-        if not self.saveable:
-            raise InputError("executions of other arms cannot be saved", remedy='use others="phase-plane"')
-        return self.simulation.get_state()
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from there."""
-        self.simulation.set_state(state)
+    def made_of(self) -> State:
+        """The options, the number of the learning arm, and what the others do."""
+        return self._made_of
 
     def close(self) -> None:
         """End the threads."""
@@ -206,13 +206,14 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
             plan=plan_of(self.cell, each[0]) if chosen.shield and each else None,
             threads=_threads(count, threads, chosen.shield), **options,
         )  # fmt: skip
-        batch = YieldingBatch(self.simulation, own, each, chosen.shield)
+        made_of = {"options": chosen, "learner": own, "others": others}
+        batch = YieldingBatch(self.simulation, own, each, chosen.shield, made_of)
         seen, actions = observation_space(COORDINATION_ENTRIES), action_space()
         super().__init__(batch, count, seen=seen, actions=actions, autoreset_mode=autoreset_mode)
 
 
 @final
-class CellsBatch:
+class CellsBatch(Batch):
     """Episodes of one or several cells with A arms each, as ``VectorBase`` steps them: arrays (E, A, ...).
 
     Args:
@@ -220,18 +221,26 @@ class CellsBatch:
         learners: The arms that obey actions; the others ask for full speed.
         shielded: Whether the simulations have a shield.
         threads: How many simulations run at the same time.
+        made_of: What tells them apart from others.
     """
 
+    changing = ("simulations",)
+
     def __init__(
-        self, simulations: Sequence[BatchSimulation], learners: Sequence[int], shielded: bool, threads: int
+        self,
+        simulations: Sequence[BatchSimulation],
+        learners: Sequence[int],
+        shielded: bool,
+        threads: int,
+        made_of: State,
     ) -> None:
-        self.simulations, self._shielded = tuple(simulations), shielded
+        self.simulations, self._shielded, self._made_of = tuple(simulations), shielded, made_of
         every = list(learners) == list(range(simulations[0].arms))
         self._learners = slice(None) if every else list(learners)  # a slice is quicker
         ends = np.cumsum([0, *(one.episodes for one in simulations)]).tolist()
         self.spans = [slice(first, last) for first, last in pairwise(ends)]
         self._full = np.ones((ends[-1], simulations[0].arms))
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and len(self.simulations) > 1 else None
+        self._chunks = Chunks(len(self.simulations), threads)
 
     @property
     def name(self) -> str:
@@ -273,9 +282,12 @@ class CellsBatch:
         """Run one control period of these (E,)."""
         commands = self._full.copy()
         commands[:, self._learners] = as_commands(actions[:, self._learners, 0])
-        parts = [(commands[span], active[span]) for span in self.spans]
-        each = map if self._pool is None else self._pool.map
-        list(each(BatchSimulation.step, self.simulations, *zip(*parts, strict=True)))
+
+        def part(_: int, first: int, last: int) -> None:
+            for one, span in zip(self.simulations[first:last], self.spans[first:last], strict=True):
+                one.step(commands[span], active[span])
+
+        self._chunks.run(part)
 
     def figures(self, over: Bools) -> dict[str, Any]:
         """How the episodes ended, and what the shield did in them; of those that have not, what is so now."""
@@ -294,24 +306,13 @@ class CellsBatch:
         return figures
 
     @property
-    def saveable(self) -> bool:
-        """True."""
-        return True
-
-    def get_state(self) -> dict[str, NDArray[Any]]:
-        """All that changes."""
-        return {f"{k}.{name}": a for k, one in enumerate(self.simulations) for name, a in one.get_state().items()}
-
-    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from there."""
-        for k, one in enumerate(self.simulations):
-            start = f"{k}."
-            one.set_state({name[len(start) :]: array for name, array in state.items() if name.startswith(start)})
+    def made_of(self) -> State:
+        """The options, and which arms learn."""
+        return self._made_of
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._chunks.close()
         for one in self.simulations:
             one.close()
 
@@ -354,7 +355,7 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
     ) -> None:
         chosen = ideal_options(CoordinationOptions, options, CoordinationVectorEnv)
         count = count_of(num_envs)
-        given = list(cell) if isinstance(cell, Iterable) and not isinstance(cell, str) else [cell]
+        given = list(cell) if isinstance(cell, Sequence) and not isinstance(cell, str) else [cell]
         self.cells = tuple(as_cell(one, CoordinationCell) for one in given)
         counts = {len(one.arms) for one in self.cells}
         if len(counts) != 1 or len(self.cells) > count:
@@ -363,9 +364,13 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
                 remedy="give cells with equally many arms, and an episode for each at least",
             )
         self.arms = counts.pop()
-        self.learners = tuple(range(self.arms)) if learners is None else tuple(int(i) for i in learners)
-        if not self.learners or not set(self.learners) <= set(range(self.arms)):
-            raise InputError(f"learners is {learners!r}, the cells have {self.arms} arms", remedy="give their numbers")
+        every = range(self.arms)
+        chosen_arms = every if learners is None else learners if isinstance(learners, Collection) else ()
+        self.learners = tuple(int(i) for i in chosen_arms if is_number(i) and i in every)
+        if not self.learners or len(self.learners) < len(chosen_arms):
+            raise InputError(
+                f"learners is {brief(learners)}, the cells have {self.arms} arms", remedy="give their numbers"
+            )
         together = _threads(count, threads, chosen.shield)
         bounds = np.linspace(0, count, len(self.cells) + 1).astype(int).tolist()
         simulations = [
@@ -374,7 +379,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
             )
             for one, (first, last) in zip(self.cells, pairwise(bounds), strict=True)
         ]
-        batch = CellsBatch(simulations, self.learners, chosen.shield, together)
+        made_of = {"options": chosen, "learners": self.learners, "reward": reward}
+        batch = CellsBatch(simulations, self.learners, chosen.shield, together, made_of)
         self.arm_observation_space, self.arm_action_space = observation_space(COORDINATION_ENTRIES), action_space()
         super().__init__(
             batch, count,
@@ -403,8 +409,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         Raises:
             InputError: It is not between 0 and 1.
         """
-        if not 0.0 <= share <= 1.0:
-            raise InputError(f"the share of undisturbed episodes must be between 0 and 1, got {share!r}")
+        if not (is_number(share) and 0.0 <= share <= 1.0):
+            raise InputError(f"the share of undisturbed episodes must be between 0 and 1, got {brief(share)}")
         for one in self.simulations:
             one.undisturbed[:] = np.arange(one.episodes) < round(share * one.episodes)
 

@@ -22,10 +22,11 @@ from armtempo.envs.coordination.world import (
     CoordinationTrace,
     with_auto_reserve,
 )
-from armtempo.errors import UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
 from armtempo.planners.cells import as_cell
 from armtempo.planners.topp import Mode
+from armtempo.state import State
 
 
 @final
@@ -123,6 +124,8 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = RESET_OPTIONS
 
+    changing = ("np_random", "_np_random_seed", "_episode", "_others", "_shield", "_life")
+
     def __init__(
         self,
         cell: CoordinationCell | str | Path = "lee1991",
@@ -145,8 +148,10 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         self._others: Execution | None
         if others is None or isinstance(others, str):
             self._others = next(iter(others_of(self.cell, others, self.options.mode, 1)), None)
-        else:
+        elif callable(getattr(others, "reset", None)) and callable(getattr(others, "commands", None)):
             self._others = others
+        else:
+            raise InputError(f"others is {brief(others)}", remedy="give a name, or an Execution")
         self._shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
 
     @property
@@ -158,6 +163,10 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
         scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
         return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
+
+    def made_of(self) -> State:
+        """The cell's name, the options, and the number of the learning arm."""
+        return {**super().made_of(), "learner": self._own}
 
     @property
     def trace(self) -> CoordinationTrace:
@@ -201,7 +210,7 @@ def learner_of(cell: CoordinationCell, learner: str | None) -> int:
         UnknownNameError: The cell has no such arm.
     """
     names = [arm.name for arm in cell.arms]
-    if learner is not None and learner not in names:
+    if learner is not None and not (isinstance(learner, str) and learner in names):
         raise UnknownNameError("arm", learner, names)
     return len(names) - 1 if learner is None else names.index(learner)
 

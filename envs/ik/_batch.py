@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Floats32
 from armtempo.envs.common import (
+    Batch,
     Chunks,
     DrawnCells,
     Generators,
-    SavedBatch,
     Seeds,
     Slots,
     count_of,
@@ -25,10 +24,10 @@ from armtempo.envs.ik._env import REWARD_WEIGHTS
 from armtempo.envs.ik._observation import PERIODS_AHEAD, IKView, observe_ik
 from armtempo.envs.ik._options import IKOptions
 from armtempo.envs.ik._periods import IKEpisodes, look_ahead, make_drive, run_ik_periods
-from armtempo.errors import InputError
 from armtempo.planners import IKCell
 from armtempo.planners.cells import draw_target
 from armtempo.planners.ik.kernels import Targets as IKTargets
+from armtempo.state import State
 
 PER_THREAD = 4  # episodes that are worth a thread
 TICKS_UNLIMITED = 1e9  # ticks
@@ -36,7 +35,7 @@ TARGET_ARRAYS = ("position", "rotation", "velocity", "angular_velocity")
 
 
 @final
-class IKBatch(SavedBatch):
+class IKBatch(Batch):
     """E episodes of a cell, as ``FeedbackIKEnv`` with ``physics="ideal"`` runs them, to the last bit.
 
     Args:
@@ -49,6 +48,8 @@ class IKBatch(SavedBatch):
         threads: How many share the episodes; None: one per core, if there are episodes enough.
     """
 
+    changing = ("_drawn", "_episodes", "_ahead", "_stepped", "_generators")
+
     def __init__(
         self,
         cell: IKCell,
@@ -60,7 +61,7 @@ class IKBatch(SavedBatch):
         hold_periods: int,
         threads: int | None,
     ) -> None:
-        self.cell = cell
+        self.cell, self._options = cell, options
         self._hold = count_of(hold_periods, "hold_periods")
         longest = (
             TICKS_UNLIMITED if options.max_episode_s is None else (options.max_episode_s - 1e-9) / cell.physics_tick
@@ -183,17 +184,10 @@ class IKBatch(SavedBatch):
         return with_masks(figures, over)
 
     @property
-    def saveable(self) -> bool:
-        """Whether nothing is drawn for an episode."""
-        return self._drawn.beforehand
+    def made_of(self) -> State:
+        """The options, and where targets come from."""
+        return {"options": self._options, "hold_periods": self._hold, **self._drawn.made_of}
 
-    def _changing(self) -> dict[str, NDArray[Any]]:
-        if not self.saveable:
-            raise InputError(
-                "targets that are drawn for every episode cannot be saved", remedy="draw them beforehand: targets=64"
-            )
-        return {**self._episodes._asdict(), "ahead": self._ahead}
-
-    def _constant(self) -> dict[str, NDArray[Any]]:
-        """What tells these environments from others."""
-        return {"starts": self._starts, "ticks": self._lasts, "by_gains": np.array([self._drive.by_gains])}
+    def close(self) -> None:
+        """End the threads; may be called twice."""
+        self._chunks.close()

@@ -171,6 +171,8 @@ class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = ("family",)
 
+    changing = (*SingleAgentEnv.changing, "_limit")
+
     def __init__(
         self,
         cell: IKCell | str | Path = "chung",
@@ -183,6 +185,7 @@ class FeedbackIKEnv(SingleAgentEnv[IKSimulation]):
         self.options = options_of(IKOptions, options, FeedbackIKEnv)
         self.cell = as_cell(cell, IKCell)
         self.simulation = IKSimulation(self.cell, self.options, record=record)
+        self._limit: float = np.inf
         seen, actions = ik_spaces(self.cell, self.options.action_mode)
         self.observation_space: Box = seen  # type: ignore[assignment]
         self.action_space: Box = actions  # type: ignore[assignment]

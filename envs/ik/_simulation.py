@@ -8,8 +8,9 @@ joints in one ratio, to the way to stop that the period before had: that one alw
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from armtempo.envs.ik._options import IKOptions
 from armtempo.envs.ik._periods import ask_period, cut_shares, make_drive, sum_up
 from armtempo.planners import IKCell
 from armtempo.planners.ik.kernels import Targets as IKTargets
+from armtempo.state import Stateful
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -71,7 +73,7 @@ class IKTrace(Trace[Floats]):
 
 
 @final
-class IKSimulation:
+class IKSimulation(Stateful):
     """One arm that follows a pose over time, run in control periods.
 
     Args:
@@ -91,26 +93,25 @@ class IKSimulation:
         singular_value: The smallest one, of the task's Jacobian, lengths in units of the arm's.
     """
 
+    changing = (
+        "cell", "_hardness", "_ticks", "joint_speeds", "squares", "shares", "tip", "error", "singular_value",
+        "_controller", "_recorder",
+    )  # fmt: skip
+
     def __init__(self, cell: IKCell, options: IKOptions, *, record: bool = False) -> None:
         self.physics, self.record = options.physics, record
         self._model = cell.arm.model
         self._drive = make_drive(cell, by_gains=options.action_mode == "gains")
         self._controller = Controller(cell, options.physics, model_error=options.model_error)
-        self._scene = self._controller.scene
         self._recorder = Recorder(wanted=record, tick=cell.physics_tick)
         self.reset(cell)
 
     def reset(self, cell: IKCell) -> None:
         """To the start of ``cell`` (the arm is the same), at rest."""
-        self.cell, arm = cell, cell.arm
+        self._take(cell)
         self._hardness = 1.0  # share of the braking accelerations at which it can stop
-        target = cell.target  # copied, so not read-only: the law is compiled for one kind of arrays
-        self._targets = IKTargets(
-            target.position.copy(), target.rotation.copy(), target.velocity.copy(), target.angular_velocity.copy(), 2,
-            cell.physics_tick,
-        )  # fmt: skip
         self._ticks = 0
-        self.joint_speeds: Floats = np.zeros(arm.dof)
+        self.joint_speeds: Floats = np.zeros(cell.arm.dof)
         self.squares: Floats = np.zeros(2)
         self.shares: Floats = np.zeros(4)
         controller = self._controller
@@ -118,6 +119,19 @@ class IKSimulation:
         self._recorder.clear()
         rows = np.stack([controller.q, controller.torque, controller.demand], axis=1)
         self._measure(controller.q.copy(), rows, np.zeros(1))
+
+    def _take(self, cell: IKCell) -> None:
+        """The target of ``cell``, copied, so not read-only: the law is compiled for one kind of arrays."""
+        self.cell, target = cell, cell.target
+        self._targets = IKTargets(
+            target.position.copy(), target.rotation.copy(), target.velocity.copy(), target.angular_velocity.copy(), 2,
+            cell.physics_tick,
+        )  # fmt: skip
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        if state["cell"] is not self.cell:
+            self._take(state["cell"])
+        super()._go_on(state)
 
     @property
     def time(self) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._corners import packed_segments, plan_corners
 from armtempo.planners.blends._families import Curve, PassingLimits
@@ -131,10 +131,10 @@ def blend(
     if remaining_distance is not None:
         given = floats(remaining_distance, "remaining_distance")
         if given.shape not in ((), (2,)):
-            raise InputError(f"remaining_distance {remaining_distance!r} is not one number or a pair")
+            raise InputError(f"remaining_distance {brief(remaining_distance)} is not one number or a pair")
         given = np.broadcast_to(given, (1, 2))
     if tolerance is not None and np.ndim(floats(tolerance, "tolerance")) > 0:
-        raise InputError(f"tolerance {tolerance!r} is not one number")
+        raise InputError(f"tolerance {brief(tolerance)} is not one number")
     corners = plan_corners(
         kind, shape, lengths, given, shape_factor=shape_factor, tolerance=tolerance, curve=curve, limits=limits
     )

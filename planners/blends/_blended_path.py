@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._blend import Blend, lengths_on, path_derivatives
 from armtempo.planners.blends._corners import Corners, arc_shapes, packed_segments, plan_corners
@@ -173,7 +173,7 @@ class BlendedPath:
             given = np.stack([given, given])
         if given.shape != (2, 4) or not np.abs(np.linalg.norm(given, axis=1) - 1.0).max() <= 1e-6:
             raise InputError(
-                f"orientation {orientation!r} is not one or two unit quaternions (x, y, z, w)",
+                f"orientation {brief(orientation)} is not one or two unit quaternions (x, y, z, w)",
                 remedy="give shape (4,) or (2, 4), each of length 1",
             )
         given = given / np.linalg.norm(given, axis=1, keepdims=True)

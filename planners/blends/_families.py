@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError, UnknownNameError
+from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.planners.geometry import floats
 
 Curve = str | tuple[float, ...]
@@ -60,12 +60,12 @@ def curve_shares(curve: Curve, shape_factor: ArrayLike, count: int) -> tuple[Flo
     factor = per_corner("shape_factor", shape_factor, count)
     if ((factor <= 0.0) | (factor > 4.0)).any():
         raise InputError(
-            f"shape_factor {shape_factor!r} is not in (0, 4]",
+            f"shape_factor {brief(shape_factor)} is not in (0, 4]",
             remedy="3 keeps the curvature continuous, 4 cuts no corner",
         )
     named = isinstance(curve, str)
     if not (named and curve == "cubic") and (factor != 3.0).any():
-        raise InputError(f"shape_factor belongs to the cubic, not to {curve!r}", remedy="drop it")
+        raise InputError(f"shape_factor belongs to the cubic, not to {brief(curve)}", remedy="drop it")
     if isinstance(curve, str):
         if curve not in CURVES:
             raise UnknownNameError("curve", curve, [*CURVES, LEAST_TIME])
@@ -75,7 +75,8 @@ def curve_shares(curve: Curve, shape_factor: ArrayLike, count: int) -> tuple[Flo
         lowest = -1.0 / 3.0 if given.size == 1 else -1.0  # a cubic's as of its shape factor, (0, 4]
         if given.shape not in ((1,), (2,), (3,)) or not ((given >= lowest) & (given < 1.0)).all():
             raise InputError(
-                f"curve {curve!r} is not one share of the remaining distance in [-1/3, 1), or two or three in [-1, 1)",
+                f"curve {brief(curve)} is not one share of the remaining distance in [-1/3, 1), or two or three in "
+                "[-1, 1)",
                 remedy=f"give numbers like {CURVES['quintic']}, or a name: {', '.join(CURVES)}",
             )
         inner = tuple(given.tolist())
@@ -100,5 +101,5 @@ def per_corner(name: str, value: ArrayLike, count: int, pairs: bool = False) -> 
             remedy="give one value for all corners, or one per corner",
         ) from None
     if not np.isfinite(out).all() or (out < 0.0).any():
-        raise InputError(f"{name} must be finite and not negative, got {value!r}")
+        raise InputError(f"{name} must be finite and not negative, got {brief(value)}")
     return out

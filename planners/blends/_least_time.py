@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._curve_kernels import curve_speed
 from armtempo.planners.blends._families import CURVES, PassingLimits
@@ -219,9 +219,11 @@ def checked_limits(limits: PassingLimits | None) -> Floats:
         normal = limits.acceleration if limits.normal_acceleration is None else limits.normal_acceleration
         values = np.array([limits.speed, limits.acceleration, limits.jerk, normal], dtype=np.float64)
     except (AttributeError, TypeError, ValueError):
-        raise InputError(f"limits {limits!r} are no limits of the line speed", remedy="give LineSpeedLimits") from None
+        raise InputError(
+            f"limits {brief(limits)} are no limits of the line speed", remedy="give LineSpeedLimits"
+        ) from None
     if not np.isfinite(values).all() or values.min() <= 0.0:
-        raise InputError(f"limits {limits!r} must be positive and finite", remedy="give SI values > 0")
+        raise InputError(f"limits {brief(limits)} must be positive and finite", remedy="give SI values > 0")
     return values
 
 

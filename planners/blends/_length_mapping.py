@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.blends import _path_kernels as kernels
 from armtempo.planners.blends._blend import Blend
 from armtempo.planners.blends._blended_path import BlendedPath
@@ -27,6 +27,7 @@ from armtempo.planners.blends._curve_kernels import GAUSS_U, PAIR_WEIGHTS, PANEL
 from armtempo.planners.blends._path_kernels import ARC, PackedPath
 from armtempo.planners.geometry import floats
 from armtempo.robots import njit
+from armtempo.state import Stateful
 
 
 @njit
@@ -221,7 +222,7 @@ class PredictorCorrector(LengthMapping):
     def __init__(self, path: BlendedPath | Blend, *, iterations: int = 3, compensate: bool = True) -> None:
         super().__init__(path)
         if not isinstance(iterations, int | np.integer) or iterations < 0:
-            raise InputError(f"iterations is {iterations!r}", remedy="give 0 or more")
+            raise InputError(f"iterations is {brief(iterations)}", remedy="give 0 or more")
         self.iterations = iterations
         self.compensate = compensate
 
@@ -234,12 +235,14 @@ class PredictorCorrector(LengthMapping):
 
 
 @final
-class MappingRun(LengthMapping):
+class MappingRun(LengthMapping, Stateful):
     """The paper's mapping tick by tick: goes on from call to call, and gives the same bits as all ticks at once.
 
     Args:
         mapping: Its path and settings.
     """
+
+    changing = ("_state",)
 
     def __init__(self, mapping: PredictorCorrector) -> None:
         self.packed = mapping.packed

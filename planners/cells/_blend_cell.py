@@ -71,7 +71,7 @@ class BlendCell(OneArmCell[BlendCellConfig]):
         rest = np.zeros_like(q)
         share = np.abs(self.arm.inverse_dynamics(q, rest, rest)) / self.arm.torque_max
         k, joint = np.unravel_index(int(share.argmax()), share.shape)
-        if share[k, joint] > 1.0:
+        if not share[k, joint] <= 1.0:
             unit = "N" if self.arm.model.prismatic[joint] else "N m"
             limit = float(self.arm.torque_max[joint])
             raise InfeasibleError(
@@ -170,7 +170,7 @@ class BlendCell(OneArmCell[BlendCellConfig]):
         Raises:
             UnknownNameError: No such profile.
         """
-        if name not in PROFILES:
+        if not isinstance(name, str) or name not in PROFILES:
             raise UnknownNameError("profile", name, PROFILES)
         return self.line_speed if name == "line-speed" else self.limit_aware
 

@@ -59,8 +59,8 @@ def draw_path(
         ConfigError: A value that a cell file could not have.
         PathError: The arm is no two-link arm and no SCARA; none of 1000 draws can be blended and followed.
     """
-    if family not in PATH_FAMILIES:
-        raise UnknownNameError("family of paths", str(family), PATH_FAMILIES)
+    if not isinstance(family, str) or family not in PATH_FAMILIES:
+        raise UnknownNameError("family of paths", family, PATH_FAMILIES)
     corners = {"remaining_distance": remaining_distance, "shape_factor": shape_factor, "curve": curve}
     if family == "given":
         return cell if not any(value is not None for value in corners.values()) else cell.variant(**corners)  # type: ignore[arg-type]

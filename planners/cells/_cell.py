@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar, 
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.configs import CellFileConfig, ToolConfig
+from armtempo.configs import CellFileConfig
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, Shape
 
@@ -47,10 +47,6 @@ class Cell(Protocol):
     @property
     def arms(self) -> tuple[Arm, ...]:
         """The arms in priority order."""
-
-    @property
-    def tools(self) -> tuple[ToolConfig | None, ...]:
-        """What each arm carries."""
 
     @property
     def obstacles(self) -> tuple[Shape, ...]:
@@ -124,12 +120,6 @@ class CellBase(Generic[ConfigT]):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # nothing in it changes; gymnasium.make copies the arguments of environments
-
-    @property
-    def tools(self) -> tuple[ToolConfig | None, ...]:
-        """What each arm carries."""
-        config: Any = self.config  # every kind's has its arms
-        return tuple(arm.tool for arm in config.arms)
 
     @property
     def kind(self) -> str:

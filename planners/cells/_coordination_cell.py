@@ -214,7 +214,7 @@ class CoordinationCell(CellBase[CellConfig]):
         for where, end in (("start", 0.0), ("end", 1.0)):
             q = [path.evaluate(end * path.length)[0] for path in self.paths]
             nearest = self.clearance.arms(q)
-            if nearest.distance < self.planned_clearance:
+            if not nearest.distance >= self.planned_clearance:
                 raise CollisionError(
                     f"the arms collide where they {where}: {nearest.body_a} and {nearest.body_b} are "
                     f"{nearest.distance:.4g} m apart, {self.planned_clearance:.4g} m are required "

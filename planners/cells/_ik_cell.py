@@ -143,7 +143,7 @@ class IKCell(OneArmCell[IKCellConfig]):
         q = run.q[rows]
         share = np.abs(arm.inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))) / arm.torque_max
         k, joint = np.unravel_index(int(share.argmax()), share.shape)
-        if share[k, joint] > 1.0:
+        if not share[k, joint] <= 1.0:
             raise InfeasibleError(
                 f"arm {arm.name!r} cannot hold still where the target has it at {run.time[rows[k]]:.4g} s: joint "
                 f"{arm.joint_names[joint]!r} needs {share[k, joint]:.4g} times its limit",
@@ -156,7 +156,7 @@ class IKCell(OneArmCell[IKCellConfig]):
             return
         for row in rows:
             nearest = clearance.self_collision(0, run.q[row])
-            if nearest.distance <= 0.0:
+            if not nearest.distance > 0.0:
                 raise CollisionError(
                     f"arm {arm.name!r} touches itself where the target has it at {run.time[row]:.4g} s: "
                     f"{nearest.body_a} and {nearest.body_b}",

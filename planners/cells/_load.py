@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 from armtempo.configs import AnyCellConfig, BlendCellConfig, CellConfig, IKCellConfig, load_cell_config
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.cells._blend_cell import BlendCell
 from armtempo.planners.cells._cell import CellBase
 from armtempo.planners.cells._coordination_cell import CoordinationCell
@@ -46,7 +46,7 @@ def load_cell(name_or_path: str | Path, kind: type[CellBase[Any]] | None = None)
     given: object = kind  # whatever the annotation says
     if not (isinstance(given, type) and issubclass(given, CellBase)):
         known = ", ".join(one.__name__ for one in CELLS.values())
-        raise InputError(f"kind must be a class of cells, got {given!r}", remedy=f"give {known}, or leave it out")
+        raise InputError(f"kind must be a class of cells, got {brief(given)}", remedy=f"give {known}, or leave it out")
     return kind.from_config(load_cell_config(name_or_path, kind.config_type))
 
 

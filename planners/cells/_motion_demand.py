@@ -29,7 +29,8 @@ class MotionDemand:
     @property
     def ratio_max(self) -> float:
         """The worst of them."""
-        return max(self.normal_ratio_max, self.jerk_ratio_max, self.torque_ratio_max, self.joint_speed_ratio_max)
+        ratios = (self.normal_ratio_max, self.jerk_ratio_max, self.torque_ratio_max, self.joint_speed_ratio_max)
+        return float(np.max(ratios))  # NaN stays NaN
 
 
 def motion_demand(cell: BlendCell, s: Floats, v: Floats, a: Floats, j: Floats) -> MotionDemand:

@@ -59,8 +59,8 @@ def draw_target(cell: IKCell, family: str, random: np.random.Generator) -> IKCel
         PathError: None of 1000 draws will do; nothing is known to be out of reach of the arm (no joint turns, or
             slides before the first that does have no limits).
     """
-    if family not in TARGET_FAMILIES:
-        raise UnknownNameError("family of targets", str(family), TARGET_FAMILIES)
+    if not isinstance(family, str) or family not in TARGET_FAMILIES:
+        raise UnknownNameError("family of targets", family, TARGET_FAMILIES)
     if family == "given":
         return cell
     if family == "partly-unreachable" and not np.isfinite(_slides(cell)):

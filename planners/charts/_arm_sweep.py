@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from armtempo.arrays import Floats, Ints
+from armtempo.arrays import Floats, Ints, all_finite
+from armtempo.errors import PathError
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, njit
 
@@ -39,19 +40,29 @@ class ArmSweep:
 
     @classmethod
     def of(cls, arm: Arm, path: AbstractJointPath, finest: int) -> ArmSweep:
+        """Sample the path.
+
+        Raises:
+            PathError: The path, its speed bounds or the arm on it are not finite: they would certify anything.
+        """
+        path.check_stations()
         station = np.linspace(0.0, path.length, SAMPLES_PER_INTERVAL * finest + 1)
-        return cls(
-            arm=arm,
-            finest=finest,
-            q=path.evaluate(station)[0],
-            speed=path.speed_bound(station[:-1], station[1:]),
-            step=path.length / (SAMPLES_PER_INTERVAL * finest),
-        )
+        q = path.sampled(station, arm.dof)[0]
+        speed = path.speed_bound(station[:-1], station[1:])
+        if np.shape(speed) != (len(station) - 1, arm.dof) or not all_finite(speed) or (speed < 0.0).any():
+            raise PathError(
+                f"the speed bounds of a {type(path).__name__} are not (..., {arm.dof}) finite numbers >= 0",
+                remedy="give upper bounds of |f'| over intervals, one per joint",
+            )
+        return cls(arm=arm, finest=finest, q=q, speed=speed, step=path.length / (SAMPLES_PER_INTERVAL * finest))
 
     @cached_property
     def poses(self) -> Floats:
         """(samples + 1, n, 4, 4) of the links in the world."""
-        return self.arm.link_poses(self.q)
+        poses = self.arm.link_poses(self.q)
+        if not all_finite(poses):
+            raise PathError(f"arm {self.arm.name!r} has no finite place on its path", remedy="its model must be finite")
+        return poses
 
     @cached_property
     def base(self) -> Floats:
@@ -88,7 +99,12 @@ class ArmSweep:
         """(samples, shapes): how far a point may be from where the nearest sample has it."""
         reach = np.array([np.linalg.norm(own, axis=1).max() for own in points])
         q_max = np.abs(self.q).max(axis=0) + 0.5 * self.step * self.speed.max(axis=0)
-        return 0.5 * self.step * (self.speed @ self.arm.levers(reach, q_max))
+        slack = 0.5 * self.step * (self.speed @ self.arm.levers(reach, q_max))
+        if not all_finite(slack):
+            raise PathError(
+                f"how far the bodies of arm {self.arm.name!r} move is not finite", remedy="its model must be finite"
+            )
+        return slack
 
     @cached_property
     def capsule_moves(self) -> dict[int, Floats]:

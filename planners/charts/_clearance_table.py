@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armtempo.arrays import Bools, Floats
+from armtempo.arrays import Bools, Floats, all_finite
 from armtempo.cache import Arrays, cached, content_key
+from armtempo.errors import PathError
 from armtempo.planners.charts._arm_sweep import world_axes
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.joint_paths import AbstractJointPath
@@ -41,7 +42,7 @@ def clearance_table(
     are.
     """
     lam = [np.linspace(0.0, paths[k].length, NODES_PER_PATH) for k in (i, j)]
-    joints = [paths[k].evaluate(own)[0] for k, own in zip((i, j), lam, strict=True)]
+    joints = [paths[k].sampled(own, arms[k].dof)[0] for k, own in zip((i, j), lam, strict=True)]
 
     def compute() -> Arrays:
         sides = [_side(arms[k], q) for k, q in zip((i, j), joints, strict=True)]
@@ -84,6 +85,8 @@ def _side(arm: Arm, q: Floats) -> _Side:
         followed = np.concatenate([np.stack(shape.capsule[:2]), shape.points])
         world = followed @ poses[:, shape.link, :3, :3].transpose(0, 2, 1) + poses[:, shape.link, None, :3, 3]
         moves[1:, k] = np.linalg.norm(np.diff(world, axis=0), axis=2).max(axis=1)
+    if not all_finite(axes, poses, moves, capsules.radius):
+        raise PathError(f"arm {arm.name!r} has no finite place on its path", remedy="its model must be finite")
     return _Side(axes, poses, moves, capsules.radius, capsules.exact, pack_bodies(arm.shapes))
 
 

@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.cache import Arrays, cached, content_key
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import BLOCKED, FREE, UNDECIDED, certify
 from armtempo.planners.charts._regions import CollisionRegion, collision_regions
 from armtempo.planners.charts._walk import free_along, passable
+from armtempo.planners.geometry import number
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm
 
@@ -91,11 +92,15 @@ class CoordinationChart:
         Raises:
             InputError: ``d_min`` is negative, ``tolerance`` not positive, one of them not finite, or ``shapes``
                 unknown.
+            PathError: A path, its speed bounds or an arm on it is not finite.
         """
-        if not (math.isfinite(d_min) and d_min >= 0.0 and math.isfinite(tolerance) and tolerance > 0.0):
+        d_min, tolerance = number(d_min, "d_min"), number(tolerance, "tolerance")
+        if not (0.0 <= d_min < math.inf and 0.0 < tolerance < math.inf):
             raise InputError(f"d_min must be >= 0 and tolerance > 0, got {d_min} and {tolerance}")
         if shapes not in ("real", "capsules"):
-            raise InputError(f"shapes is {shapes!r}", remedy="give 'real' or 'capsules'")
+            raise InputError(f"shapes is {brief(shapes)}", remedy="give 'real' or 'capsules'")
+        for path in (path_a, path_b):
+            path.check_stations()
         levels = max(4, math.ceil(math.log2(max(path_a.length, path_b.length) / tolerance)))
         resolution = min(2**levels, MAX_RESOLUTION)
         sweep_a, sweep_b = ArmSweep.of(arm_a, path_a, resolution), ArmSweep.of(arm_b, path_b, resolution)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.charts import CollisionRegion, CoordinationChart
 from armtempo.planners.coordination._precedence import Precedence
 
@@ -86,7 +86,7 @@ class PassingOrders:
         """
         orders = np.asarray(orders)
         if orders.shape != (len(self.regions),) or not np.isin(orders, (0, 1)).all():
-            raise InputError(f"orders must be {len(self.regions)} numbers 0 or 1, got {orders!r}")
+            raise InputError(f"orders must be {len(self.regions)} numbers 0 or 1, got {brief(orders)}")
         limits: dict[tuple[int, int], Floats] = {}
         for (a, b, region), order in zip(self.regions, orders, strict=True):
             pair, limit = ((a, b), region.whole_limit_a) if order else ((b, a), region.whole_limit_b)

@@ -230,6 +230,9 @@ class VelocityControl:
     mode: Mode = "acceleration"
     checks: int = 0
 
+    def __deepcopy__(self, memo: dict[int, object]) -> VelocityControl:
+        return self  # nothing in it changes; its planes and charts are the cell's
+
     def __post_init__(self) -> None:
         if not (math.isfinite(self.period) and self.period > 0.0):
             raise InputError(f"the control period must be positive, got {self.period}")

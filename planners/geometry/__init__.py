@@ -10,6 +10,7 @@ from armtempo.planners.geometry._cartesian_path import (
     Line,
     Segment,
     floats,
+    number,
 )
 from armtempo.planners.geometry._pose_matrix import pose_matrix, rpy_matrix
 from armtempo.planners.geometry._pose_motions import JointMotion, harmonic, smooth_step, through_poses
@@ -30,6 +31,7 @@ __all__ = [
     "TANGENT_TOLERANCE",
     "floats",
     "harmonic",
+    "number",
     "pose_matrix",
     "read_waypoints",
     "rpy_matrix",

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
+from armtempo.errors import InputError, PathError, brief
 
+NUMBER_MAX = 1e12  # of what is given as a number: powers of it must not overflow
+COORDINATE_MAX = 1e9  # [m] centres of flat arcs are far away
 SEGMENT_LENGTH_MIN = 1e-9  # [m] a segment that is shorter is none
 ARC_FLATNESS_MIN = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
 TANGENT_TOLERANCE = 1e-6  # [rad] largest corner that passes for a smooth joint (rounded coordinates in a cell file)
@@ -40,25 +42,39 @@ class Segment(Protocol):
         ...
 
 
-def floats(value: ArrayLike, name: str) -> Floats:
-    """A copy of what a caller gave as numbers of one shape; nothing else passes."""
+def floats(value: ArrayLike, name: str, most: float = NUMBER_MAX) -> Floats:
+    """A copy of what a caller gave as numbers of one shape; nothing else passes, nor do finite ones beyond ``most``."""
     try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers, got {value!r}".replace("\n", " ")) from None
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be numbers, got {brief(value)}") from None
+    size = np.abs(array)
+    if ((size > most) & (size < np.inf)).any():
+        raise InputError(f"{name} must be numbers up to {most:g}, got {brief(value)}")
+    return array
+
+
+def number(value: ArrayLike, name: str) -> float:
+    """``floats`` for one number; NaN and infinity pass."""
+    array = floats(value, name)
+    if array.shape:
+        raise InputError(f"{name} must be one number, got {brief(value)}")
+    return float(array)
 
 
 def _checked_part(low: float, high: float, length: float) -> None:
     """Refuse a piece that is empty, runs backwards or leaves its segment."""
     slack = SEGMENT_LENGTH_MIN * max(length, 1.0)
     if not (-slack <= low and low + SEGMENT_LENGTH_MIN <= high <= length + slack):
-        raise PathError(f"the piece {low!r} .. {high!r} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high")
+        raise PathError(
+            f"the piece {brief(low)} .. {brief(high)} m is not in 0 .. {length:.6g} m", remedy="give 0 <= low < high"
+        )
 
 
 def _point(value: ArrayLike, name: str) -> Floats:
-    point = floats(value, name)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise PathError(f"{name} must be three finite coordinates in metres, got {value!r}")
+    point = floats(value, name, np.inf)
+    if point.shape != (3,) or not (np.abs(point) <= COORDINATE_MAX).all():
+        raise PathError(f"{name} must be three finite coordinates in metres, got {brief(value)}")
     point.setflags(write=False)
     return point
 

@@ -12,9 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
 from armtempo.errors import InputError
-from armtempo.planners.geometry._cartesian_path import floats
+from armtempo.planners.geometry._cartesian_path import floats, number
 
 __all__ = ["Motion", "PoseTarget"]
+
+STEP_MIN = 1e-9  # [s]
+SAMPLES_MAX = 1e7
 
 Motion = Callable[[Floats], tuple[ArrayLike, ArrayLike, ArrayLike | None, ArrayLike | None]]
 """Times (N,) [s] to positions (N, 3) [m], rotations (N, 3, 3), velocities and turnings (N, 3) [rad/s], or two None."""
@@ -63,8 +66,12 @@ class PoseTarget:
             InputError: Step or duration is not positive; the motion's values have wrong shapes, are not finite, or are
                 no rotations; one of its two rates is missing; an acceleration is negative or not finite.
         """
-        if not (0.0 < step < np.inf and 0.5 * step <= duration < np.inf):
-            raise InputError(f"duration {duration} s, step {step} s", remedy="give a step > 0 and a longer duration")
+        step, duration = number(step, "step"), number(duration, "duration")
+        if not (STEP_MIN <= step < np.inf and 0.5 * step <= duration < np.inf and duration <= SAMPLES_MAX * step):
+            raise InputError(
+                f"duration {duration} s, step {step} s",
+                remedy=f"give a step from {STEP_MIN:g} s on, and a duration of one to {SAMPLES_MAX:g} of them",
+            )
         rows = 2 * max(1, round(duration / step)) + 1
         p, R, v, w = motion(np.asarray(0.5 * step * np.arange(rows), dtype=np.float64))
         p, R = _checked_poses(p, R)
@@ -94,8 +101,9 @@ class PoseTarget:
             InputError: As of ``sample``; fewer than two samples.
         """
         p, R = _checked_poses(position, rotation)
-        if not 0.0 < step < np.inf:
-            raise InputError(f"step {step} s", remedy="give a step > 0")
+        step = number(step, "step")
+        if not STEP_MIN <= step < np.inf:
+            raise InputError(f"step {step} s", remedy=f"give a step from {STEP_MIN:g} s on")
         given = _checked_rates(velocity, angular_velocity, p)
         v, w = _differences(p, R, step) if given is None else given
         turn = Rotation.from_matrix(R)
@@ -130,7 +138,9 @@ class PoseTarget:
         for array in (p, R, v, w):
             array.setflags(write=False)
         most = [
-            2.0 * float(np.linalg.norm(np.diff(rate, axis=0), axis=1).max()) / step if given is None else float(given)
+            2.0 * float(np.linalg.norm(np.diff(rate, axis=0), axis=1).max()) / step
+            if given is None
+            else number(given, "an acceleration")
             for rate, given in ((v, acceleration), (w, angular_acceleration))
         ]
         if not all(0.0 <= value < np.inf for value in most):

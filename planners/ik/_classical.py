@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.geometry import PoseTarget, floats
 from armtempo.planners.ik import _law as loops
 from armtempo.planners.ik._feedback import FeedbackIK, IKBounds, IKGains, IKRun, TaskName
@@ -100,7 +100,7 @@ class ResolvedRateIK:
         if not (0.0 <= position_noise < np.inf and 0.0 <= angle_noise < np.inf):
             raise InputError(f"noise of {position_noise} m, {angle_noise} rad", remedy="give deviations >= 0")
         if not isinstance(seed, int | np.integer) or seed < 0:
-            raise InputError(f"seed {seed!r}", remedy="give a whole number >= 0")
+            raise InputError(f"seed {brief(seed)}", remedy="give a whole number >= 0")
         self.arm, self.position_noise, self.angle_noise, self.seed = arm, position_noise, angle_noise, seed
         self._law = _unit_law(arm, damping, task)
 
@@ -138,7 +138,7 @@ class ClosedFormIK:
 
     def __init__(self, arm: Arm, *, choice: Literal["nearest", "branch"] = "nearest") -> None:
         if choice not in ("nearest", "branch"):
-            raise InputError(f"choice {choice!r}", remedy="use 'nearest' or 'branch'")
+            raise InputError(f"choice {brief(choice)}", remedy="use 'nearest' or 'branch'")
         self.arm, self.choice, self._inverse = arm, choice, SphericalWristIK(arm)
 
     def track(self, target: PoseTarget, start: ArrayLike) -> IKRun:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
-from armtempo.errors import InputError, RobotError, check_keywords
-from armtempo.planners.geometry import PoseTarget, floats
+from armtempo.errors import InputError, RobotError, brief, check_keywords
+from armtempo.planners.geometry import PoseTarget, floats, number
 from armtempo.planners.ik._law import Law, Targets, law_at
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 from armtempo.planners.ik._track import track_many
@@ -71,7 +71,7 @@ class IKCaps:
 
     def __post_init__(self) -> None:
         for name in ("damping", "linear_speed_max", "angular_speed_max"):
-            value = getattr(self, name)
+            value = number(getattr(self, name), name)
             if not value > 0.0:
                 raise InputError(f"{name} = {value}", remedy="give a number > 0")
         if self.damping >= 1.0:
@@ -234,12 +234,12 @@ class FeedbackIK:
     ) -> None:
         check_keywords(FeedbackIK, caps, IKCapKeywords.__annotations__)
         limits = IKCaps(**caps)
-        if not 0.0 <= posture_gain < np.inf:
+        if not 0.0 <= number(posture_gain, "posture_gain") < np.inf:
             raise InputError(f"posture_gain = {posture_gain}", remedy="give a gain >= 0")
         if error not in ("axes", "quaternion"):
-            raise InputError(f"error {error!r}", remedy="use 'axes' or 'quaternion'")
+            raise InputError(f"error {brief(error)}", remedy="use 'axes' or 'quaternion'")
         if point not in ("tip", "wrist"):
-            raise InputError(f"point {point!r}", remedy="use 'tip' or 'wrist'")
+            raise InputError(f"point {brief(point)}", remedy="use 'tip' or 'wrist'")
         self.arm = arm
         self.gains = gains or IKGains()
         self._offset = SphericalWristIK(arm).wrist_in_tip if point == "wrist" else np.zeros(3)
@@ -310,7 +310,7 @@ class FeedbackIK:
             InputError: As of ``track``; targets whose steps or lengths differ.
         """
         if integrator not in INTEGRATORS:
-            raise InputError(f"integrator {integrator!r}", remedy=f"use one of {', '.join(INTEGRATORS)}")
+            raise InputError(f"integrator {brief(integrator)}", remedy=f"use one of {', '.join(INTEGRATORS)}")
         arm, law = self.arm, self.law
         first = floats(starts, "starts")
         if not targets or first.shape != (len(targets), arm.dof) or not np.isfinite(first).all():
@@ -486,7 +486,7 @@ def _task(arm: Arm, task: TaskName | ArrayLike) -> Floats:
     """(m, 6) orthonormal rows."""
     if isinstance(task, str):
         if task not in ("auto", "pose", "position"):
-            raise InputError(f"task {task!r}", remedy="use 'auto', 'pose', 'position' or (m, 6) rows")
+            raise InputError(f"task {brief(task)}", remedy="use 'auto', 'pose', 'position' or (m, 6) rows")
         rows = np.eye(6)[: 3 if task == "position" else 6]
         if task == "auto":
             linear, angular = _reach_of(arm)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError, RobotError
+from armtempo.planners.geometry import floats
 from armtempo.robots import Arm
 
 __all__ = ["SphericalWristIK"]
@@ -78,7 +79,7 @@ class SphericalWristIK:
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        T = np.asarray(T_world_tip, dtype=np.float64)
+        T = floats(T_world_tip, "poses")
         if T.shape[-2:] != (4, 4) or not np.isfinite(T).all():
             raise InputError(f"poses of shape {T.shape} or not finite", remedy="give (..., 4, 4) finite numbers")
         lead = T.shape[:-2]

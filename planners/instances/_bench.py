@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -78,6 +78,25 @@ class BenchResult:
             "violations": list(self.violations),
             "makespan_by_order_s": {"-".join(map(str, order)): value for order, value in self.orders.items()},
         }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any], labels: CellLabels) -> Self:
+        """Back from ``record``, with what is known of the cell."""
+        orders = record["makespan_by_order_s"]
+        return cls(
+            cell=record["cell"],
+            family=record["family"],
+            labels=labels,
+            method=record["method"],
+            makespan=record["makespan_s"],
+            gap_percent=record["gap_percent"],
+            seconds=record["planning_time_s"],
+            reason=record["reason"] or "",
+            fallback=record["fallback"],
+            orders={tuple(map(int, order.split("-"))): value for order, value in orders.items()},
+            min_clearance=record["min_clearance_m"],
+            violations=tuple(record["violations"]),
+        )
 
 
 def bench_cell(

@@ -151,8 +151,8 @@ def benchmark_instances(split: str | None = None, *, family: str | None = None) 
     Raises:
         UnknownNameError: No such split or family.
     """
-    if split is not None and split not in SPLITS:
+    if split is not None and not (isinstance(split, str) and split in SPLITS):
         raise UnknownNameError("split", split, SPLITS)
-    if family is not None and family not in QUOTAS:
+    if family is not None and not (isinstance(family, str) and family in QUOTAS):
         raise UnknownNameError("family", family, tuple(QUOTAS))
     return tuple(one for one in _all() if split in (None, one.split) and family in (None, one.family))

@@ -19,7 +19,15 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.configs import CellConfig, parse_cell_config
-from armtempo.errors import ArmtempoError, CollisionError, InfeasibleError, InputError, PathError, UnknownNameError
+from armtempo.errors import (
+    ArmtempoError,
+    CollisionError,
+    InfeasibleError,
+    InputError,
+    PathError,
+    UnknownNameError,
+    brief,
+)
 from armtempo.planners.cells import CoordinationCell, build_cell
 from armtempo.planners.coordination import PriorityClass, optimal, pair_is_free
 
@@ -175,7 +183,7 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int = 2) -> Gener
     if min(seed, index) < 0:
         raise InputError(f"seed and index must not be negative, got {seed} and {index}")
     if not 2 <= arms <= 8 or (arms != 2 and family != "ring"):
-        raise InputError(f"{arms} arms of family {family!r}", remedy="give 2, or 2 to 8 for ring")
+        raise InputError(f"{arms} arms of family {brief(family)}", remedy="give 2, or 2 to 8 for ring")
     generator = np.random.default_rng(np.random.SeedSequence([seed, index]))
     rejected: Counter[str] = Counter()
     name = cell_name(family, seed, index, arms=arms)

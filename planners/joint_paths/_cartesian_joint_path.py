@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.errors import InputError, PathError, RobotError
-from armtempo.planners.geometry import PoseTarget, RangeMax
+from armtempo.errors import InputError, PathError, RobotError, brief
+from armtempo.planners.geometry import PoseTarget, RangeMax, floats
 from armtempo.planners.ik import FeedbackIK, IKGains, IKRun, SphericalWristIK
 from armtempo.planners.ik.kernels import LIMIT
 from armtempo.planners.joint_paths import _cartesian_joint_kernels as loops
@@ -89,8 +89,8 @@ class CartesianJointPath(AbstractJointPath):
         if not 0.0 < speed_min < np.inf:
             raise InputError(f"speed_min = {speed_min}", remedy="give a speed > 0")
         if not isinstance(task, str) or task not in ("auto", "pose", "position"):
-            raise InputError(f"task {task!r}", remedy="use 'auto', 'pose' or 'position'")
-        first, rest = (np.array(q, dtype=np.float64) for q in (start, start if posture is None else posture))
+            raise InputError(f"task {brief(task)}", remedy="use 'auto', 'pose' or 'position'")
+        first, rest = floats(start, "start"), floats(start if posture is None else posture, "posture")
         for name, q in (("start", first), ("posture", rest)):
             if q.shape != (arm.dof,) or not np.isfinite(q).all():
                 raise InputError(

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats
+from armtempo.arrays import Floats, all_finite
+from armtempo.errors import PathError
 from armtempo.robots import njit
 
 
@@ -55,6 +56,38 @@ class AbstractJointPath(ABC):
     @abstractmethod
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Floats:
         """Upper bounds of ``|f'|`` over intervals [low, high], (..., n), not from samples: charts certify with them."""
+
+    def sampled(self, lam: Floats, dof: int, *, before: bool = False) -> tuple[Floats, Floats, Floats]:
+        """``evaluate`` for an arm with ``dof`` joints, looked through: paths may be anybody's.
+
+        Raises:
+            PathError: The arrays are not (..., dof), or not finite; the message names the station.
+        """
+        q, dq, ddq = rows = self.evaluate(lam, before=before)
+        for what, array in (("f", q), ("f'", dq), ("f''", ddq)):
+            if np.shape(array) != (*lam.shape, dof):
+                raise PathError(
+                    f"{what} of a {type(self).__name__} has shape {np.shape(array)} at stations {lam.shape}",
+                    remedy=f"give (..., {dof}): one value per joint",
+                )
+            if not all_finite(array):
+                station = float(lam[~np.isfinite(array).all(axis=-1)].flat[0])
+                raise PathError(
+                    f"{what} of a {type(self).__name__} is not finite at station {station:.6g} {self.unit}",
+                    remedy="give a path that is finite, with two derivatives, from 0 to its length",
+                    station=station,
+                )
+        return rows
+
+    def check_stations(self) -> None:
+        """Look through ``length`` and ``breakpoints``. Raises PathError."""
+        marks = np.asarray(self.breakpoints, dtype=np.float64)
+        rising = marks.ndim == 1 and len(marks) > 1 and all_finite(marks) and bool((np.diff(marks) > 0.0).all())
+        if not rising or marks[0] != 0.0 or marks[-1] != self.length:
+            raise PathError(
+                f"the breakpoints of a {type(self).__name__} do not rise from 0 to its length {self.length:.6g}",
+                remedy="give finite stations, the first 0 and the last the length",
+            )
 
     def table(self, pieces: int = 2048) -> PathTable:
         """Samples for numba kernels; breakpoints are stations."""

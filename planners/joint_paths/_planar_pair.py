@@ -71,8 +71,8 @@ class PlanarPair:
     """
 
     def __init__(self, arm: Arm, path: TipPath, elbow: Elbow) -> None:
-        if elbow not in ELBOWS:
-            raise UnknownNameError("elbow", str(elbow), ELBOWS)
+        if not isinstance(elbow, str) or elbow not in ELBOWS:
+            raise UnknownNameError("elbow", elbow, ELBOWS)
         self.arm, self.path = arm, path
         self._measure()
         self._bend = self.side * (1.0 if elbow == "positive" else -1.0)

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError, PathError
-from armtempo.planners.geometry import RangeMax
+from armtempo.errors import InputError, PathError, brief
+from armtempo.planners.geometry import RangeMax, floats
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.robots import Arm, njit
 
@@ -27,6 +27,7 @@ Ends = Literal["natural", "not-a-knot"]
 Spacing = Literal["chord", "centripetal"]
 
 BOUND_ROUNDING = 1e-12  # share by which bounds are widened
+POSITION_MAX = 1e6  # rad or m
 POSITION_TOLERANCE = 1e-9  # rad or m
 WAYPOINT_DISTANCE_MIN = 1e-9  # waypoints nearer than this [rad] are the same
 
@@ -71,9 +72,9 @@ class WaypointPath(AbstractJointPath):
             ("spacing", spacing, ("chord", "centripetal")),
         ):
             if value not in known:
-                raise InputError(f"{name} is {value!r}", remedy=f"give {' or '.join(known)}")
+                raise InputError(f"{name} is {brief(value)}", remedy=f"give {' or '.join(known)}")
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        if steps.min() < WAYPOINT_DISTANCE_MIN:
+        if steps.min() < max(WAYPOINT_DISTANCE_MIN, 4.0 * np.spacing(steps.sum())):
             k = int(np.argmin(steps))
             raise PathError(
                 f"waypoints {k} and {k + 1} are the same: {_listed(points[k])}",
@@ -151,8 +152,10 @@ class WaypointPath(AbstractJointPath):
 
 def _checked(waypoints: ArrayLike, arm: Arm | None) -> Floats:
     try:
-        points = np.array(waypoints, dtype=np.float64)
-    except (TypeError, ValueError):
+        if np.asarray(waypoints).dtype.kind not in "iuf":
+            raise InputError("no numbers")
+        points = floats(waypoints, "waypoints", np.inf)
+    except (InputError, ValueError):
         raise InputError("waypoints are no table of numbers", remedy="give (K, n): one row per waypoint") from None
     if points.ndim != 2 or points.shape[1] < 1:
         raise InputError(f"waypoints have shape {points.shape}", remedy="give (K, n): one row per waypoint")
@@ -163,9 +166,11 @@ def _checked(waypoints: ArrayLike, arm: Arm | None) -> Floats:
         )
     if len(points) < 2:
         raise InputError(f"a path needs at least 2 waypoints, got {len(points)}", remedy="add its end")
-    if not np.isfinite(points).all():
-        k, joint = (int(v) for v in np.argwhere(~np.isfinite(points))[0])
-        raise InputError(f"waypoint {k} is not finite at joint {joint}", remedy="give finite numbers", waypoint=k)
+    good = np.abs(points) <= POSITION_MAX
+    if not good.all():
+        k, joint = (int(v) for v in np.argwhere(~good)[0])
+        what = f"beyond {POSITION_MAX:g}" if np.isfinite(points[k, joint]) else "not finite"
+        raise InputError(f"waypoint {k} is {what} at joint {joint}", remedy="give finite numbers", waypoint=k)
     return points
 
 

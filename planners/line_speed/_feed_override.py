@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.blends import Blend, BlendedPath
 from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.planners.geometry import Arc, CartesianPath, Line
 from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile, profile_state
 from armtempo.robots import njit
+from armtempo.state import Stateful
 
 # Of a warp: sigma at its start, time since then, duration, first coefficient of f, override wanted.
 WARP_START, WARP_PAST, WARP_LASTS, WARP_POWERS, WARP_WANTED = 0, 1, 2, 3, 9
@@ -50,7 +51,7 @@ class PackedFeed(NamedTuple):
     """The shortest transition tried [s]."""
 
 
-class FeedOverride:
+class FeedOverride(Stateful):
     """A profile with its speed turned down and up while it runs.
 
     Where the profile itself is at a limit there may be no way to change the override at once; a profile planned with
@@ -70,6 +71,8 @@ class FeedOverride:
         InfeasibleError: The profile itself does not keep the limits.
         InputError: A path of another kind, or of another length than the profile's.
     """
+
+    changing = ("_warp", "_out")
 
     def __init__(
         self, profile: LineSpeedProfile, limits: LineSpeedLimits | None = None, path: PathOf | None = None
@@ -114,7 +117,7 @@ class FeedOverride:
             InputError: Not a number in [0, 1].
         """
         if not (isinstance(override, int | float | np.number) and 0.0 <= override <= 1.0):
-            raise InputError(f"an override is a number in 0..1, got {override!r}")
+            raise InputError(f"an override is a number in 0..1, got {brief(override)}")
         return bool(
             turn(
                 self.profile.knots, self.profile.coefficients, self._marks, self._packed, self._limits,
@@ -129,7 +132,7 @@ class FeedOverride:
             InputError: Not a finite number, or less than 0.
         """
         if not (isinstance(dt, int | float | np.number) and 0.0 <= dt < math.inf):
-            raise InputError(f"a step is a finite number of seconds, 0 or more, got {dt!r}")
+            raise InputError(f"a step is a finite number of seconds, 0 or more, got {brief(dt)}")
         advance(self.profile.knots, self.profile.coefficients, self._warp, float(dt), self._out)
         return float(self._out[0]), float(self._out[1]), float(self._out[2])
 

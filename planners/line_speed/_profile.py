@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
+from armtempo.planners.geometry import number
 from armtempo.robots import njit
 
 Reading = Literal["peak", "mean"]
@@ -60,8 +61,9 @@ class LineSpeedLimits:
             object.__setattr__(self, "normal_acceleration", self.acceleration)
         for name in self.__slots__:
             value = getattr(self, name)
-            if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value > 0.0):
-                raise InputError(f"limit {name} must be a positive finite number, got {value!r}")
+            real = isinstance(value, int | float | np.number)
+            if not (real and 0.0 < number(value, f"limit {name}") < math.inf):
+                raise InputError(f"limit {name} must be a positive finite number, got {brief(value)}")
             object.__setattr__(self, name, float(value))
 
     @property
@@ -95,7 +97,8 @@ class LineSpeedCertificate:
     @property
     def ratio_max(self) -> float:
         """The worst of the four ratios."""
-        return max(self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, self.normal_ratio_max)
+        ratios = (self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, self.normal_ratio_max)
+        return float(np.max(ratios))  # NaN stays NaN
 
 
 @njit
@@ -205,19 +208,22 @@ class LineSpeedProfile:
             InputError: A length that is not positive, an unknown reading.
             InfeasibleError: No profile found (numbers too far apart).
         """
-        if not (math.isfinite(length) and length > 0.0):
-            raise InputError(f"a line-speed profile needs a positive length, got {length!r}")
+        if not 0.0 < number(length, "length") < math.inf:
+            raise InputError(f"a line-speed profile needs a positive length, got {brief(length)}")
         if reading not in ("peak", "mean"):
-            raise InputError(f"unknown reading {reading!r} of the acceleration", remedy="'peak' or 'mean'")
+            raise InputError(f"unknown reading {brief(reading)} of the acceleration", remedy="'peak' or 'mean'")
         if reading == "mean":
             limits = replace(limits, acceleration=_peak(limits))
-        from ruckig import InputParameter, Result, Ruckig, Trajectory
+        from ruckig import InputParameter, Result, Ruckig, RuckigError, Trajectory
 
         wanted, found = InputParameter(1), Trajectory(1)
         wanted.target_position = [length]
         wanted.max_velocity, wanted.max_acceleration = [limits.speed], [limits.acceleration]
         wanted.max_jerk = [limits.jerk]
-        result = Ruckig(1).calculate(wanted, found)
+        try:
+            result = Ruckig(1).calculate(wanted, found)
+        except RuckigError:
+            result = Result.Error
         if result != Result.Working:
             raise InfeasibleError(
                 f"no line-speed profile over {length:.6g} m: ruckig says {result.name}", remedy="bring limits closer"

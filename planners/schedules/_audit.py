@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armtempo.arrays import Floats
+from armtempo.arrays import Floats, all_finite
 from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners.cells import CoordinationCell
 from armtempo.planners.topp import PhaseTrajectory
@@ -55,7 +55,7 @@ class Audit:
     @property
     def violated(self) -> bool:
         """Whether two arms come closer than ``d_min``, the engine's error forgiven."""
-        return self.min_clearance < self.required
+        return not self.min_clearance >= self.required  # NaN, too
 
 
 def default_engine() -> Engine:
@@ -81,7 +81,7 @@ def audit_clearance(
     Raises:
         UnknownNameError: No such engine.
         InputError: ``motions`` are not one per arm, of two arms at least; ``period`` is not positive; coal is asked for
-            and missing.
+            and missing; the arms' places are not finite.
     """
     engine = default_engine() if engine is None else engine
     period = cell.control_period / INSTANTS_PER_PERIOD if period is None else period
@@ -95,6 +95,8 @@ def audit_clearance(
         _places(arm, path.evaluate(motion.at(np.minimum(instants, motion.duration))[0])[0])
         for arm, path, motion in zip(cell.arms, cell.paths, motions, strict=True)
     ]
+    if not all_finite(*places):
+        raise InputError("the arms have no finite places over the motions", remedy="give motions along their paths")
     shapes = [arm.shapes for arm in cell.arms]
     nearest = (_by_coal if engine == "coal" else _by_pybullet)(shapes, places)
     worst = int(nearest.argmin())
@@ -137,7 +139,7 @@ def _by_coal(shapes: Sequence[Sequence[Shape]], places: Sequence[Floats]) -> Flo
                 for body_b, T_b in zip(bodies[j], frames[j], strict=True):
                     # a used result would keep the last answer
                     distance = coal.distance(body_a, T_a, body_b, T_b, request, coal.DistanceResult())
-                    nearest[row] = min(nearest[row], distance)
+                    nearest[row] = np.minimum(nearest[row], distance)  # NaN stays NaN
     return nearest
 
 
@@ -175,7 +177,7 @@ def _by_pybullet(shapes: Sequence[Sequence[Shape]], places: Sequence[Floats]) ->
                 for body_a in bodies[i]:
                     for body_b in bodies[j]:
                         points = pybullet.getClosestPoints(body_a, body_b, reach, physicsClientId=client)
-                        nearest[row] = min([nearest[row], *(point[8] for point in points)])
+                        nearest[row] = np.min([nearest[row], *(point[8] for point in points)])  # NaN stays NaN
     finally:
         pybullet.disconnect(client)
     return nearest

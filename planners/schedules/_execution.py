@@ -14,6 +14,7 @@ from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
 from armtempo.planners.topp.kernels import STATION, advance
 from armtempo.robots import njit
+from armtempo.state import Stateful
 
 PLACE_ROUNDING_SHARE = 1e-6  # of a path: places are known to this (observations are float32)
 CATCH_UP_PERIODS = 0.5  # of a period: an arm that lags more than this stops its clock
@@ -78,7 +79,7 @@ def _command_to(
 
 
 @final
-class ScheduleExecution:
+class ScheduleExecution(Stateful):
     """Executes any schedule by precedence: mixed passing orders, any number of arms.
 
     Every arm has a clock of its own on which it follows its planned motion. It does not run ahead of an arm that has
@@ -92,6 +93,8 @@ class ScheduleExecution:
     Raises:
         InfeasibleError: The schedule leads arms through cells of their charts that are not free.
     """
+
+    changing = ("_clock",)
 
     def __init__(self, plan: Schedule, mode: Mode = "speed") -> None:
         cell = plan.cell

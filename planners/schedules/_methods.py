@@ -14,11 +14,11 @@ r"""The methods by which schedules are planned.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from armtempo.errors import InfeasibleError, InputError, UnknownNameError
+from armtempo.errors import InfeasibleError, InputError, UnknownNameError, brief
 from armtempo.planners.cells import CoordinationCell, as_cell
 from armtempo.planners.coordination import delayed, offset, one_by_one, optimal, plan_vci, prioritised
 from armtempo.planners.schedules._schedule import Schedule
@@ -63,7 +63,7 @@ def _vci(cell: CoordinationCell, order: tuple[int, ...], period: float | None = 
         if not cell.timing.is_free(motions):
             raise InfeasibleError(f"velocity control's motions in {cell.name!r} are not certified free")
         # its commands are not searched on the grid that the limits were refined for
-        if any(motion.certificate.excess > LIMIT_EXCESS_MAX for motion in motions):
+        if any(not motion.certificate.excess <= LIMIT_EXCESS_MAX for motion in motions):
             raise InfeasibleError("velocity control's motions exceed a limit between stations", reason="grid")
     except InfeasibleError as refusal:
         try:  # the slave may not be able to stay behind everywhere, and yet have a way
@@ -115,14 +115,14 @@ def schedule(
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
     cell = as_cell(cell, CoordinationCell)
-    if method not in _PLANNERS:
+    if not isinstance(method, str) or method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)
     if period is not None and method != "vci":
-        raise InputError(f"method {method!r} has no period: it is that of 'vci'")
+        raise InputError(f"method {brief(method)} has no period: it is that of 'vci'")
     arms = tuple(range(len(cell.arms)))
-    chosen = arms if order is None else tuple(order)
-    if tuple(sorted(chosen)) != arms:
-        raise InputError(f"order {chosen} must name each of the {len(arms)} arms once, by its index")
+    chosen = arms if order is None else tuple(order) if isinstance(order, Collection) else ()
+    if len(chosen) != len(arms) or any(arm not in chosen for arm in arms):
+        raise InputError(f"order {brief(order)} must name each of the {len(arms)} arms once, by its index")
     if len(arms) == 1:
         if method in RAMPS:
             return _ramped(cell, (0,), method)

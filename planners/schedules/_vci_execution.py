@@ -15,13 +15,16 @@ from armtempo.planners.coordination import VelocityControl
 from armtempo.planners.schedules._execution import Execution, ScheduleExecution, checks_per_period, foresee
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
+from armtempo.state import Stateful
 
 EXPECTED_WITHIN_SHARE = 1e-4  # of a path: a smaller surprise is no reason to plan anew
 
 
 @final
-class _Slave:
+class _Slave(Stateful):
     """One arm behind all those of higher priority."""
+
+    changing = ("planned",)
 
     def __init__(self, cell: CoordinationCell, order: tuple[int, ...], place: int, mode: Mode) -> None:
         self.arm, self.before = order[place], order[:place]
@@ -37,7 +40,7 @@ class _Slave:
 
 
 @final
-class VciExecution:
+class VciExecution(Stateful):
     """The first arm in minimum time, the others by velocity control intervals behind all before them, on line.
 
     Each plans behind the motions that those before it are about to make (the first at full speed, the others by their
@@ -52,11 +55,13 @@ class VciExecution:
         order: The arms, the highest priority first; None: as in the cell.
     """
 
+    changing = ("_expected", "_slaves")
+
     def __init__(self, cell: CoordinationCell, mode: Mode = "speed", order: tuple[int, ...] | None = None) -> None:
         self.cell = cell
         self.mode: Mode = mode
         self.order = tuple(range(len(cell.arms))) if order is None else tuple(order)
-        self._slaves = [_Slave(cell, self.order, place, mode) for place in range(1, len(self.order))]
+        self._slaves = tuple(_Slave(cell, self.order, place, mode) for place in range(1, len(self.order)))
         self.reset()
 
     def reset(self) -> None:

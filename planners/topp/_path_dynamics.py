@@ -29,16 +29,19 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError
+from armtempo.planners.geometry import floats, number
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, kernels
 
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
 STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
+INTERVALS_MAX = 10**7
+NUMBER_MAX = 1e60  # of a coefficient: products of several must not overflow
 SpeedCap = float | Callable[[Floats], ArrayLike]
 
 
-def _read_only(value: ArrayLike) -> Floats:
-    array = np.array(value, dtype=np.float64)
+def _read_only(value: ArrayLike, name: str) -> Floats:
+    array = floats(value, name, NUMBER_MAX)
     array.setflags(write=False)
     return array
 
@@ -94,11 +97,11 @@ def _reversals(path: AbstractJointPath, joints: Bools) -> Floats:
 
 def _read_rows(grid: ArrayLike, M: ArrayLike, Q: ArrayLike, R: ArrayLike, S: ArrayLike) -> dict[str, Floats]:
     """The coefficients by name, read-only, if their shapes are right."""
-    rows = {name: _read_only(value) for name, value in (("grid", grid), ("M", M))}
+    rows = {name: _read_only(value, name) for name, value in (("grid", grid), ("M", M))}
     shape = rows["M"].shape
     if len(shape) != 2 or rows["grid"].shape != shape[:1] or shape[0] < 2 or shape[1] < 1:
         raise InputError(f"grid and M must have shapes (N+1,) and (N+1, n), got {rows['grid'].shape} and {shape}")
-    rows |= {name: _read_only(value) for name, value in (("Q", Q), ("R", R), ("S", S))}
+    rows |= {name: _read_only(value, name) for name, value in (("Q", Q), ("R", R), ("S", S))}
     for name, value in rows.items():
         if name != "grid" and value.shape != shape:
             raise InputError(f"{name} must have shape {shape} like M, got {value.shape}")
@@ -112,10 +115,12 @@ def _read_limits(
     limits = {}
     for name, value in (("torque_min", torque_min), ("torque_max", torque_max)):
         try:
-            limits[name] = _read_only(np.broadcast_to(np.asarray(value, dtype=np.float64), shape))
+            limits[name] = _read_only(np.broadcast_to(floats(value, name, NUMBER_MAX), shape), name)
+        except InputError:
+            raise
         except ValueError:
             raise InputError(f"{name} must have shape {shape[1:]} or {shape}, got {np.shape(value)}") from None
-    limits["speed_max"] = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max)
+    limits["speed_max"] = _read_only(np.full(shape[0], np.inf) if speed_max is None else speed_max, "speed_max")
     if limits["speed_max"].shape != shape[:1]:
         raise InputError(f"speed_max must have shape {shape[:1]}, got {limits['speed_max'].shape}")
     return limits
@@ -226,11 +231,15 @@ class PathDynamics:
 
         Raises:
             InputError: An argument is out of range.
+            PathError: The path is not finite, or not one of this arm.
         """
-        if intervals < 1 or not 0.0 <= torque_reserve < 1.0:
+        torque_reserve = number(torque_reserve, "torque_reserve")
+        if not 1 <= number(intervals, "intervals") <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
             raise InputError(
-                f"intervals must be at least 1 and torque_reserve in [0, 1), got {intervals} and {torque_reserve}"
+                f"intervals must be at least 1, at most {INTERVALS_MAX}, and torque_reserve in [0, 1), "
+                f"got {intervals} and {torque_reserve}"
             )
+        path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
         jumps = np.union1d(path.breakpoints[1:-1], turns)
         stations = path.length * _graded(intervals)
@@ -247,17 +256,17 @@ class PathDynamics:
         cls, arm: Arm, path: AbstractJointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
     ) -> PathDynamics:
         """On a given grid, in which stations where coefficients jump appear twice."""
-        q, dq, ddq = path.evaluate(grid)
+        q, dq, ddq = path.sampled(grid, arm.dof)
         sign = moving(dq)
         for k in np.flatnonzero(np.diff(grid) == 0.0):  # the first of the two rows belongs to the piece before
-            for rows, value in zip((q, dq, ddq), path.evaluate(grid[k], before=True), strict=True):
+            for rows, value in zip((q, dq, ddq), path.sampled(grid[k], arm.dof, before=True), strict=True):
                 rows[k] = value
             sign[k], sign[k + 1] = sign[k - 1], sign[k + 2]
         M, Q, R, S = _coefficients(arm, q, dq, ddq, sign)
         with np.errstate(divide="ignore"):
             speed_max = np.min(np.where(np.abs(dq) > 0.0, arm.speed_max / np.abs(dq), np.inf), axis=1)
         if speed_cap is not None:
-            cap = np.asarray(speed_cap(grid) if callable(speed_cap) else speed_cap, dtype=np.float64)
+            cap = floats(speed_cap(grid) if callable(speed_cap) else speed_cap, "speed_max")
             speed_max = np.minimum(speed_max, np.broadcast_to(cap, grid.shape))
         limit = (1.0 - torque_reserve) * arm.torque_max
         limit = np.concatenate([limit, arm.acceleration_max[np.isfinite(arm.acceleration_max)]])

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.errors import ActionError, InfeasibleError, InputError
+from armtempo.planners.geometry import floats, number
 from armtempo.planners.topp._advance import acceleration_bounds, advance, edge_speed, record_pieces
 from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, admissible_sets, controllable_sets
 from armtempo.planners.topp._greedy import follow_edges, greedy_profile
@@ -51,7 +52,7 @@ class PhasePlane:
     """
 
     def __init__(self, dynamics: PathDynamics, mu_end: float = 0.0) -> None:
-        if not (np.isfinite(mu_end) and mu_end >= 0.0):
+        if not 0.0 <= number(mu_end, "mu_end") < math.inf:
             raise InputError(f"mu_end must be finite and not negative, got {mu_end}")
         self.dynamics = dynamics
         self.mu_end = float(mu_end)
@@ -256,6 +257,7 @@ class PhasePlane:
             InfeasibleError: ``mu_start`` is outside the controllable set (the message gives its ends), or the arm
                 cannot move on from rest somewhere.
         """
+        mu_start = number(mu_start, "mu_start")
         if mu_start not in self._fastest:
             self._fastest[mu_start] = self._solve(mu_start)
         return self._fastest[mu_start]
@@ -293,7 +295,7 @@ class PhasePlane:
                 cannot hold still; the message says which.
         """
         fastest = self.fastest(mu_start)
-        if not math.isfinite(duration):
+        if not math.isfinite(number(duration, "duration")):
             raise InputError(f"the duration must be finite, got {duration}")
         if duration < fastest.duration * (1.0 - 1e-12):
             raise InfeasibleError(
@@ -360,10 +362,15 @@ class PhasePlane:
         self, commands: ArrayLike, times: ArrayLike, lam: float = 0.0, mu: float = 0.0, *, mode: Mode = "speed"
     ) -> PhaseTrajectory:
         """The motion under commands in [0, 1], each for its time [s], row by row; it ends on arrival or at rest."""
+        commands, times = (np.atleast_1d(floats(v, name)) for v, name in ((commands, "commands"), (times, "times")))
+        if commands.ndim != 1 or commands.shape != times.shape:
+            raise InputError(
+                f"{commands.shape} commands for {times.shape} times", remedy="give (K,) commands, and a time for each"
+            )
         record = np.empty((8 * len(self.rows.station) + 64 * np.size(times), 3))
         pieces = [np.array([[0.0, lam, mu]])]
         clock = 0.0
-        for command, dt in zip(np.atleast_1d(commands), np.atleast_1d(times), strict=True):
+        for command, dt in zip(commands, times, strict=True):
             step = min(float(dt), 1e3)
             command = self._checked(command, lam, mu, step)
             lam, mu, used, count = record_pieces(

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats
-from armtempo.errors import InfeasibleError
+from armtempo.arrays import Floats, all_finite
+from armtempo.errors import InfeasibleError, InputError, PathError
+from armtempo.planners.geometry import floats
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
@@ -42,7 +43,8 @@ class MotionCertificate:
     @property
     def excess(self) -> float:
         """How far the worst of torque, speed and acceleration is above its limit, as a share of it; 0 if none is."""
-        return max(self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0) - 1.0
+        ratios = (self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0)
+        return float(np.max(ratios)) - 1.0  # NaN stays NaN
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +57,9 @@ class PhaseTrajectory:
         time: (N+1,) instants [s], from 0.
         dynamics: What the arm is asked to do along the path.
         mu_end: The path speed wanted at the end.
+
+    Raises:
+        InputError: The rows are not three arrays (N+1,) of finite numbers, N > 0.
     """
 
     lam: Floats
@@ -65,9 +70,15 @@ class PhaseTrajectory:
 
     def __post_init__(self) -> None:
         for name in ("lam", "mu", "time"):
-            value = np.array(getattr(self, name), dtype=np.float64)
+            value = floats(getattr(self, name), name)
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+        rows = (self.lam, self.mu, self.time)
+        if self.lam.ndim != 1 or len(self.lam) < 2 or len({row.shape for row in rows}) > 1 or not all_finite(*rows):
+            raise InputError(
+                f"lam, mu and time of shapes {', '.join(str(row.shape) for row in rows)}, or not finite",
+                remedy="give three finite arrays (N+1,), N > 0",
+            )
 
     @classmethod
     def from_profile(
@@ -112,7 +123,7 @@ class PhaseTrajectory:
 
     def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """``lam``, ``mu``, ``mu_dot`` at times ``t`` [s] (any shape); at rest before and after the motion."""
-        t = np.asarray(t, dtype=np.float64)
+        t = floats(t, "times", np.inf)
         inside = np.clip(t, 0.0, self.duration)
         i = np.clip(np.searchsorted(self.time, inside, side="right") - 1, 0, len(self.time) - 2)
         tau, u = inside - self.time[i], self.mu_dot[i]
@@ -149,7 +160,7 @@ class PhaseTrajectory:
 
     @cached_property
     def _ratios(self) -> tuple[Floats, Floats, Floats]:
-        """Torque / limit (N, K, joints), speed / limit and acceleration / limit (N, K) at the samples."""
+        """Torque / limit (N, K, joints), speed / limit and acceleration / limit (N, K) at the samples; none is NaN."""
         lam, mu, mu_dot = self._samples()
         dynamics = self.dynamics
         grid, joints = dynamics.grid, dynamics.joints
@@ -182,6 +193,13 @@ class PhaseTrajectory:
             acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
         ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
         ratio[np.diff(self.time) <= 0.0] = 0.0  # two rows of one instant, where coefficients jump: neighbours tell
+        if np.isnan(ratio.sum() + speed.sum() + acceleration.sum()):
+            at = np.isnan(ratio.sum(axis=-1) + speed + acceleration)
+            raise PathError(
+                f"what the motion asks for at station {lam[at].flat[0]:.6g} is not a number",
+                remedy="the arm, its path and their limits must be finite there",
+                station=float(lam[at].flat[0]),
+            )
         return ratio, speed, acceleration
 
     @cached_property
@@ -203,4 +221,4 @@ class PhaseTrajectory:
         """The sampled stations at which a torque, speed or acceleration exceeds its limit by more than that share."""
         torque, speed, acceleration = self._ratios
         worst = np.maximum(np.maximum(torque.max(axis=2), speed), acceleration)
-        return np.asarray(self._samples()[0][worst > 1.0 + tolerance])
+        return np.asarray(self._samples()[0][~(worst <= 1.0 + tolerance)])

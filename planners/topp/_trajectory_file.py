@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.files import whole_file
 from armtempo.planners.topp._trajectory import PhaseTrajectory
+from armtempo.reading import MOST_MAGNITUDE, as_number, csv_rows, parse_json, read_text
 
 KEYS: Final = {"q": "q_rad", "qd": "qd_rad_s", "qdd": "qdd_rad_s2", "torque": "torque_nm"}
 MOST_ROWS: Final = 10_000_000
+LARGEST: Final = 2**30  # bytes of a file that is read
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +61,8 @@ class JointTrajectory:
             if not np.isfinite(value).all():
                 row = int(np.argwhere(~np.isfinite(value))[0][0])
                 raise InputError(f"{name} is not finite in row {row}", remedy="give finite numbers", row=row)
+            if value.size and (largest := float(np.abs(value).max())) > MOST_MAGNITUDE:
+                raise InputError(f"{name} is up to {largest:.4g}", remedy=f"give SI units, at most {MOST_MAGNITUDE:g}")
             object.__setattr__(self, name, value)
         if (np.diff(self.time) <= 0.0).any():
             row = int(np.argmax(np.diff(self.time) <= 0.0)) + 1
@@ -128,11 +132,7 @@ def read_trajectory(file: str | Path) -> JointTrajectory:
     """
     path = Path(file)
     suffix = _suffix(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        why = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else error.strerror
-        _fail(f"{path}", f"cannot be read: {why}", "check the path and the file")
+    text = read_text(path, LARGEST)
     names, columns = (_from_json if suffix == ".json" else _from_csv)(path, text)
     try:
         return JointTrajectory(joint_names=names, **columns)
@@ -152,32 +152,29 @@ def _suffix(path: Path) -> str:
 
 
 def _from_csv(path: Path, text: str) -> tuple[tuple[str, ...], dict[str, Any]]:
-    lines = list(csv.reader(text.splitlines()))
-    head = lines[0] if lines else []
+    lines = csv_rows(text, f"{path}")
+    _, head = next(lines, (1, []))
     mark = f"{KEYS['q']}."
     names = tuple(cell.removeprefix(mark) for cell in head if cell.startswith(mark))
     if not names or head != _header(names):
         _fail(f"{path}, line 1", "is not the header of a motion", "time_s, then q_rad.<joint> and so on; see the docs")
     rows = []
-    for number, cells in enumerate(lines[1:], start=2):
+    for number, cells in lines:
         if len(cells) != len(head):
             _fail(f"{path}, line {number}", f"has {len(cells)} cells", f"give {len(head)} as the header does")
-        try:
-            rows.append([float(cell) for cell in cells])
-        except ValueError as error:
-            _fail(f"{path}, line {number}", f"{error}", "give numbers")
+        row = [as_number(cell) for cell in cells]
+        if None in row:
+            _fail(f"{path}, line {number}", f"{brief(cells[row.index(None)])} is no number", "give numbers")
+        rows.append(row)
     if not rows:
         _fail(f"{path}", "holds no instants", "give at least one row")
-    table, n = np.array(rows), len(names)
+    table, n = np.array(rows, dtype=np.float64), len(names)
     columns = {name: table[:, 1 + k * n : 1 + (k + 1) * n] for k, name in enumerate(KEYS)}
     return names, {"time": table[:, 0], **columns}
 
 
 def _from_json(path: Path, text: str) -> tuple[tuple[str, ...], dict[str, Any]]:
-    try:
-        data: Any = json.loads(text)
-    except json.JSONDecodeError as error:
-        _fail(f"{path}, line {error.lineno}, column {error.colno}", f"not JSON: {error.msg}", "mend it")
+    data = parse_json(text, f"{path}")
     wanted = {"joints", "time_s", *KEYS.values()}
     if not isinstance(data, dict) or set(data) != wanted:
         _fail(f"{path}", "is not a motion", f"give exactly the keys {', '.join(sorted(wanted))}")
@@ -193,7 +190,10 @@ def _fail(place: str, problem: str, remedy: str) -> NoReturn:
 
 def _read_only(value: ArrayLike, name: str) -> Floats:
     try:
-        array = np.array(value, dtype=np.float64)
+        array = np.array(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        array = array.astype(np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no table of numbers", remedy="give one row per instant") from None
     array.setflags(write=False)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,13 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-__all__ = ["Bools", "Floats", "Floats32", "Ints", "read_only"]
+__all__ = ["Bools", "Floats", "Floats32", "Ints", "all_finite", "read_only"]
+
+
+def all_finite(*arrays: NDArray[Any]) -> bool:
+    """Whether none of their numbers is NaN or infinite."""
+    with np.errstate(over="ignore", invalid="ignore"):  # the sum alone is quick, and tells of most arrays
+        return all(math.isfinite(array.sum()) or bool(np.isfinite(array).all()) for array in arrays)
 
 
 def read_only(value: object) -> None:

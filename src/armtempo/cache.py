@@ -1,6 +1,7 @@
 """A per-user cache on disk, by content: the key is a hash of everything that decides the answer.
 
-``ARMTEMPO_CACHE`` names another folder, or is ``off``. Files may be deleted at any time. They are written beside their
+``ARMTEMPO_CACHE`` names another folder, or is ``off``; without a home that can be written it is among the temporary
+files. Files may be deleted at any time. They are written beside their
 place and moved there; one that is damaged is ignored and written anew.
 """
 
@@ -10,7 +11,10 @@ import hashlib
 import io
 import logging
 import os
+import stat
+import tempfile
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +22,10 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from armtempo.files import whole_file
+from armtempo.files import is_sealed, whole_file, write_sealed
 
 Arrays = dict[str, NDArray[Any]]
 
-DIGEST = 32  # bytes
 LOG = logging.getLogger(__name__)
 
 
@@ -32,7 +35,36 @@ def cache_folder() -> Path | None:
     if named:
         return None if named.lower() == "off" else Path(named)
     folder = platformdirs.user_cache_path("armtempo", appauthor=False)
-    return folder if folder.is_absolute() else None  # no home
+    if folder.is_absolute() and can_be_made(folder):  # without a home it is not
+        return folder
+    private = private_folder()
+    return None if private is None else private / "cache"
+
+
+def can_be_made(folder: Path) -> bool:
+    """Whether a folder is there, or is now."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def private_folder() -> Path | None:
+    """A folder of this user's alone among the temporary files, for what a home would keep; None: there is no place.
+
+    Whoever could write there could have us run code, as numba's files are: somebody else's folder is not taken.
+    """
+    user = os.getuid()
+    try:
+        folder = Path(tempfile.gettempdir()) / f"armtempo-{user}"
+        folder.mkdir(mode=stat.S_IRWXU, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    shared = found.st_uid != user or found.st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    return folder if stat.S_ISDIR(found.st_mode) and not shared else None
 
 
 def content_key(parts: Iterable[object]) -> str:
@@ -63,27 +95,25 @@ def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
 
 def _read(file: Path) -> Arrays | None:
     try:
-        data = file.read_bytes()
+        with file.open("rb") as stream:
+            if is_sealed(stream):
+                with np.load(stream, allow_pickle=False) as archive:
+                    return {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         return None
     except OSError as error:
         LOG.warning("cannot read %s: %s; its content is computed again", file, error)
         return None
-    content = data[DIGEST:]
-    if hashlib.blake2b(content, digest_size=DIGEST).digest() != data[:DIGEST]:
-        LOG.warning("%s is damaged; its content is computed again", file)
-        return None
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+    LOG.warning("%s is damaged, or of an earlier version; its content is computed again", file)
+    return None
 
 
 def _write(file: Path, arrays: Arrays) -> None:
     packed = io.BytesIO()
     named: dict[str, Any] = dict(arrays)
     np.savez_compressed(packed, **named)
-    content = packed.getvalue()
     try:
         with whole_file(file) as temporary:
-            temporary.write_bytes(hashlib.blake2b(content, digest_size=DIGEST).digest() + content)
+            write_sealed(temporary, packed.getbuffer())
     except OSError as error:
         LOG.warning("cannot write %s: %s; it will be computed again", file, error)

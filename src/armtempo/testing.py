@@ -22,6 +22,9 @@ from armtempo.planners.cells import CELLS, CellBase
 __all__ = ["check_cell", "check_environment", "check_kind", "check_policy"]
 
 
+STEPS_BEFORE_A_COPY = 3
+
+
 def check_cell(cell: CellBase[Any]) -> None:
     """Check what holds of every cell: it is known by its kind, certified, never copied, and the same after pickling.
 
@@ -41,7 +44,7 @@ def check_cell(cell: CellBase[Any]) -> None:
 
 
 def check_environment(make: Callable[..., gymnasium.Env[Any, Any]], steps: int = 50) -> None:
-    """Check the life of an environment of one agent: seeds, spaces, resets and steps out of turn, traces, closing.
+    """Check the life of an environment of one agent: seeds, spaces, states, calls out of turn, traces, closing.
 
     Args:
         make: Makes a new environment; called with ``render_mode=`` and ``record=True``.
@@ -50,6 +53,7 @@ def check_environment(make: Callable[..., gymnasium.Env[Any, Any]], steps: int =
     one, other = make(record=True), make(record=True)
     _refuses(ActionError, lambda: one.step(one.action_space.sample()), "a step before the first reset")
     assert _episode(one, 3, steps) == _episode(other, 3, steps), "the same seed gives the same episode"
+    _check_state(one, other, steps)
     first, _ = one.reset(seed=1)
     second, _ = one.reset(seed=1)
     assert first is not second, "observations are new arrays"
@@ -133,8 +137,13 @@ def check_kind(name: str, cell: CellBase[Any], *, seed: int = 0) -> None:
 
 def _episode(env: gymnasium.Env[Any, Any], seed: int, steps: int) -> list[bytes]:
     observation, _ = env.reset(seed=seed)
+    return [_bits(observation), *_steps(env, seed, steps)]
+
+
+def _steps(env: gymnasium.Env[Any, Any], seed: int, steps: int) -> list[bytes]:
+    """So many under random actions, or until the episode is over."""
     env.action_space.seed(seed)
-    seen = [_bits(observation)]
+    seen = []
     for _ in range(steps):
         observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
         assert env.observation_space.contains(observation), f"{observation!r} is not in the observation space"
@@ -143,6 +152,18 @@ def _episode(env: gymnasium.Env[Any, Any], seed: int, steps: int) -> list[bytes]
         if terminated or truncated:
             break
     return seen
+
+
+def _check_state(one: Any, other: Any, steps: int) -> None:
+    """In the middle of an episode."""
+    _episode(one, 5, STEPS_BEFORE_A_COPY)
+    state, copied = one.get_state(), copy.deepcopy(one)
+    went_on = _steps(one, 7, steps)
+    assert _steps(copied, 7, steps) == went_on, "a deep copy goes on as the original does"
+    for env in (one, other):
+        env.set_state(pickle.loads(pickle.dumps(state)))  # noqa: S301 (our own bytes)
+        assert _steps(env, 7, steps) == went_on, "an environment goes on from the state of one made alike"
+    copied.close()
 
 
 def _check_trace(trace: Any) -> None:

@@ -154,9 +154,8 @@ def test_feedback_ik_steps_per_second(
 def test_bullet_against_a_bare_loop(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
     env, scene = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE), Scene(lee1991)
     try:
-        pybullet.setTimeStep(lee1991.physics_tick, physicsClientId=scene.client)
-        pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=scene.client)
-        scene.reset_joints(np.array([path.evaluate(0.0)[0] for path in lee1991.paths]))
+        start = np.array([path.evaluate(0.0)[0] for path in lee1991.paths])
+        scene.put_joints(start, np.zeros_like(start))
         ticks = lee1991.ticks_per_period
         ours, bare, ratio = _ratio(lambda: _seconds_per_step(env, 150) / ticks, lambda: _bare_loop(scene, 150 * ticks))
         with capsys.disabled():

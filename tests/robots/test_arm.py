@@ -416,6 +416,25 @@ def test_a_misspelt_keyword_is_told_with_the_nearest_one() -> None:
         ({"tip_link": "base_link"}, ["no movable joint", "link_1"]),
         ({"T_world_base": np.zeros((4, 4))}, ["base", "not a rigid transform"]),
         ({"gravity": [1, 2]}, ["gravity", "(x, y, z)"]),
+        ({"gravity": [0, 0, float("nan")]}, ["gravity", "finite"]),
+        ({"gravity": [0, 0, -1e308]}, ["gravity", "up to"]),
+        ({"gravity": "down"}, ["gravity", "(x, y, z)"]),
+        ({"torque_max": [1.0, 1e308]}, ["torque_max[1]", "joint_2", "up to"]),
+        ({"torque_max": [float("inf"), 1.0]}, ["torque_max[0]", "joint_1"]),
+        ({"torque_max": [1.0, "x"]}, ["torque_max[1] = 'x'", "joint_2"]),
+        ({"torque_max": 3.0}, ["torque_max", "give 2, one per joint"]),
+        ({"torque_max": np.array(3.0)}, ["torque_max", "give 2, one per joint"]),
+        ({"speed_max": "12"}, ["speed_max", "give 2, one per joint"]),
+        ({"speed_max": [1.0, [2.0]]}, ["speed_max[1]"]),
+        ({"acceleration_max": [1.0, float("nan")]}, ["acceleration_max[1]"]),
+        ({"acceleration_max": [1e300, 1.0]}, ["acceleration_max[0]"]),
+        ({"damping": [1e300, 1.0]}, ["damping[0]", "joint_1"]),
+        ({"coulomb": [0.0, float("nan")]}, ["coulomb[1]"]),
+        ({"position_limits": [(0, 1), (0, float("nan"))]}, ["position_limits[1]", "pair"]),
+        ({"position_limits": [(0, 1), (0, 1e308)]}, ["position_limits[1]", "pair"]),
+        ({"position_limits": [(0, 1), 1]}, ["position_limits[1]", "pair"]),
+        ({"T_world_base": np.full((4, 4), np.nan)}, ["base", "not a rigid transform"]),
+        ({"T_world_base": np.eye(4) + 1e308 * np.eye(4, k=3)}, ["base", "not a rigid transform"]),
     ],
 )
 def test_bad_arguments_are_named(arguments: dict[str, object], words: list[str]) -> None:
@@ -440,7 +459,21 @@ def test_bad_joint_positions_are_refused() -> None:
 
 @pytest.mark.parametrize(
     ("tool", "words"),
-    [({"mass": -1.0}, "negative"), ({"com": np.zeros(2)}, "com"), ({"T_link_tool": np.zeros((4, 4))}, "rigid")],
+    [
+        ({"mass": -1.0}, "negative"),
+        ({"mass": float("nan")}, "mass"),
+        ({"mass": 1e308}, "mass"),
+        ({"mass": "heavy"}, "mass"),
+        ({"com": np.zeros(2)}, "com"),
+        ({"com": [0.0, np.nan, 0.0]}, "com"),
+        ({"com": [0.0, 1e308, 0.0]}, "com"),
+        ({"inertia": 1e308 * np.eye(3)}, "inertia"),
+        ({"inertia": np.zeros(3)}, "inertia"),
+        ({"hull": np.full((5, 3), np.nan)}, "hull"),
+        ({"hull": np.zeros((5, 2))}, "hull"),
+        ({"T_link_tool": np.zeros((4, 4))}, "rigid"),
+        ({"T_link_tool": np.eye(3)}, "rigid"),
+    ],
 )
 def test_bad_tools_are_refused(tool: dict[str, object], words: str) -> None:
     with pytest.raises(RobotError, match=words):

@@ -106,3 +106,85 @@ def test_other_kinds_and_poses_that_are_none_are_refused() -> None:
     for T in (np.eye(3), 2.0 * np.eye(4), np.diag([1.0, 1.0, -1.0, 1.0])):
         with pytest.raises(RobotError, match="pose of 'pin' is not a rigid transform"):
             static_shape("sphere", [0.1], T_world=T, name="pin")
+
+
+CLOUD = np.random.default_rng(0).normal(size=(50, 3))
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("turn", [np.eye(3), Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix()])
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.outer(np.arange(5), [1.0, 0.0, 0.0]),
+        np.full((4, 3), 0.7),
+        1e-7 * CLOUD,
+        SQUARE,
+        1e3 * SQUARE,
+        np.vstack([SQUARE, SQUARE]),
+        CLOUD * [1.0, 1.0, 0.0],
+        CLOUD * [1.0, 1e-8, 1.0],
+        CLOUD[:3],
+        np.zeros((0, 3)),
+    ],
+)
+def test_points_without_volume_are_no_hull(points: Any, turn: Any) -> None:
+    for offset in (0.0, 0.3):
+        with pytest.raises(RobotError, match=r"'plate': its points span no volume \(give at least four"):
+            static_shape("convex", vertices=points @ turn.T + offset, name="plate")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.where(np.arange(150).reshape(50, 3) == 7, np.nan, CLOUD),
+        np.where(np.arange(150).reshape(50, 3) == 7, np.inf, CLOUD),
+        1e307 * CLOUD,
+        1e5 * CLOUD,
+        CLOUD[:, :2],
+        CLOUD.ravel(),
+        [[1, 2, 3], [4, 5]],
+        "points",
+    ],
+)
+def test_points_that_are_none_are_no_hull(points: Any) -> None:
+    with pytest.raises(RobotError, match=r"hull of 'plate': the list of its points is not \(any, 3\) finite numbers"):
+        static_shape("convex", vertices=points, name="plate")
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 10**6), st.lists(st.floats(-9.0, 3.0), min_size=3, max_size=3))
+def test_every_cloud_has_a_finite_hull_or_none(seed: int, magnitude: list[float]) -> None:
+    """From nanometres to kilometres, whatever the proportions."""
+    points = np.random.default_rng(seed).normal(size=(12, 3)) * 10.0 ** np.array(magnitude)
+    points = points @ Rotation.random(rng=seed).as_matrix()
+    try:
+        shape = static_shape("convex", vertices=points)
+    except RobotError as error:
+        assert "no volume" in str(error)  # noqa: PT017 - or there is none
+        assert min(magnitude) < -4.0
+    else:
+        assert shape.vertices is not None
+        for array in (shape.vertices, shape.points, *shape.capsule):
+            assert np.isfinite(array).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 1e308, 1e5, "wide", None])
+def test_sizes_are_finite_and_sane(value: Any) -> None:
+    for kind, size in (("sphere", [value]), ("box", [1.0, value, 1.0]), ("capsule", [0.1, value])):
+        with pytest.raises(RobotError, match=f"a {kind} cannot have the size"):
+            static_shape(kind, size)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e308, 1e5])
+def test_poses_are_finite_and_sane(value: float) -> None:
+    for place in ((0, 3), (1, 1), (3, 3)):
+        T = np.eye(4)
+        T[place] = value
+        with pytest.raises(RobotError, match="pose of 'pin' is not a rigid transform"):
+            static_shape("sphere", [0.1], T_world=T, name="pin")
+    for other in ("here", [[1, 2], [3]], np.eye(4)[:, :, None]):
+        with pytest.raises(RobotError, match="pose of 'pin' is not a rigid transform"):
+            static_shape("sphere", [0.1], T_world=other, name="pin")

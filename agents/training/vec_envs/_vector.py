@@ -103,18 +103,18 @@ class VectorVecEnv(VecEnv):
                 self._returns[row], self._steps[row] = 0.0, 0
 
     def get_state(self) -> dict[str, NDArray[Any]] | None:
-        """All that the episodes continue from, exactly; None where tasks that are drawn for each cannot be saved."""
-        if not self.vector.saveable:
+        """All that the episodes continue from, exactly; None where it is not in arrays, as tasks drawn for each."""
+        header, state = self.vector.header(), self.vector.get_state()
+        changing = {f"batch.{name}": value for name, value in state.items() if name not in header}
+        if not all(isinstance(value, np.ndarray) for value in changing.values()):
             return None
-        mine = {"vec.returns": self._returns.copy(), "vec.steps": self._steps.copy()}
-        return {**{f"batch.{name}": array for name, array in self.vector.get_state().items()}, **mine}
+        return {**changing, "vec.returns": self._returns.copy(), "vec.steps": self._steps.copy()}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Continue from there."""
         self._returns[:], self._steps[:] = state["vec.returns"], state["vec.steps"]
-        self.vector.set_state(
-            {name.removeprefix("batch."): array for name, array in state.items() if name.startswith("batch.")}
-        )
+        changing = {name.removeprefix("batch."): array for name, array in state.items() if name.startswith("batch.")}
+        self.vector.set_state({**self.vector.header(), **changing})
 
     def close(self) -> None:
         """Close the environments."""

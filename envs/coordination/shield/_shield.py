@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats
+from armtempo.envs.common import is_number
 from armtempo.envs.coordination.shield._kernels import (
     CELL_COUNT,
     FIRST_CELL,
@@ -28,10 +29,11 @@ from armtempo.envs.coordination.shield._kernels import (
     first_orders,
 )
 from armtempo.envs.coordination.world import CoordinationSimulation, World, check_promise
-from armtempo.errors import InfeasibleError, InputError
+from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
 from armtempo.planners.schedules import VciExecution
+from armtempo.state import Stateful
 
 ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
 REGIONS_ALL_ORDERS_TRIED = 12  # regions of which all orders are tried
@@ -56,8 +58,8 @@ def shield_tables(
         plan: What the scripted arms obey.
         tube_m: How far every arm may be off its reference beyond the reserve of planned clearance [m].
     """
-    if not (np.isfinite(tube_m) and tube_m >= 0.0):
-        raise InputError(f"shield_tube_m must be a distance in metres, got {tube_m}", remedy="give 0 or more")
+    if not (is_number(tube_m) and tube_m >= 0.0):
+        raise InputError(f"shield_tube_m must be a distance in metres, got {brief(tube_m)}", remedy="give 0 or more")
     orders = cell.passing_orders(2.0 * tube_m)
     region = np.zeros((len(orders.regions), 2, REGION_COLUMNS), dtype=np.int64)
     parts, length = [np.zeros(1)], 1  # never empty
@@ -151,7 +153,7 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
 
 
 @final
-class Shield:
+class Shield(Stateful):
     """Commands that leave a way out, for the arms of one cell.
 
     A requested set of commands is let through if every arm, after one period under its own and maximum braking from
@@ -165,6 +167,8 @@ class Shield:
         plan: The precedence that scripted arms obey.
         tube_m: See ``shield_tables``.
     """
+
+    changing = ("orders", "_uncertain")
 
     def __init__(
         self,
@@ -244,7 +248,7 @@ def plan_of(cell: CoordinationCell, execution: Execution | None) -> Precedence |
 
 
 @final
-class EpisodeShield:
+class EpisodeShield(Stateful):
     """A shield over a running simulation, and what it changed.
 
     Args:
@@ -256,6 +260,8 @@ class EpisodeShield:
     Raises:
         InfeasibleError: As ``Shield.reset``, or arms not as planned cannot even go slowly along their paths.
     """
+
+    changing = ("shield", "_change", "_sum", "_count", "_steps")
 
     def __init__(
         self,
@@ -308,7 +314,7 @@ class EpisodeShield:
         change = float(self._change[i])
         info["shield"] = {"changed": change != 0.0, "change": change}
         if self._simulation.physics == "bullet":
-            info["shield_tube_exceeded"] = bool(self._simulation.tracking_error().max() > self._tube)
+            info["shield_tube_exceeded"] = not self._simulation.tracking_error().max() <= self._tube
         if over:
             info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])
             info["shield_change"] = float(self._sum[i])

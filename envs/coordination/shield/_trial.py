@@ -132,7 +132,7 @@ def _run(
                 for k in range(ticks):
                     distance = tabulated_clearance(table, places[a, k], places[b, k])
                     figures[CLEARANCE] = min(figures[CLEARANCE], distance)
-                    violated = violated or distance < d_min
+                    violated = violated or not distance >= d_min
             if not running:
                 figures[MAKESPAN] = max(figures[MAKESPAN], period * ticks * world.tick + used)
             period += 1

@@ -14,7 +14,7 @@ import numpy as np
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.common import BEGIN, FAMILY, LATE, LENGTH, MASTER_LATE, PHASE, SPEED, STOPS, is_number, uniform
 from armtempo.envs.coordination.world._world import Episodes, World, clearance_of, steps_of
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners import CoordinationCell
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.topp import kernels as phase_kernels
@@ -52,21 +52,22 @@ class Disturbance:
         highest = {"late_s": math.inf, "speed": 1.0, "stops": MOST_STOPS, "stop_s": math.inf}
         for name, most in highest.items():
             value = getattr(self, name)
-            try:
-                low, high = (float(end) for end in value)
-            except (TypeError, ValueError):
-                low, high = math.nan, math.nan
+            numbers = isinstance(value, tuple | list) and len(value) == 2 and all(is_number(end) for end in value)
+            low, high = value if numbers else (math.nan, math.nan)
             if not (0.0 <= low <= high <= most and math.isfinite(high)):
                 raise InputError(
-                    f"disturbance {name} must be (lowest, highest) between 0 and {most:g}, got {value!r}",
+                    f"disturbance {name} must be (lowest, highest) between 0 and {most:g}, got {brief(value)}",
                     remedy="give two finite numbers, the lower one first",
                 )
         if self.speed[0] <= 0.0:
-            raise InputError(f"disturbance speed is {self.speed!r}", remedy="give a share above 0: the arm must arrive")
+            raise InputError(
+                f"disturbance speed is {brief(self.speed)}", remedy="give a share above 0: the arm must arrive"
+            )
         if any(int(end) != end for end in self.stops):
-            raise InputError(f"disturbance stops is {self.stops!r}", remedy="give whole numbers")
-        if not self.arms or any(int(arm) != arm or arm < 0 for arm in self.arms):
-            raise InputError(f"disturbance arms is {self.arms!r}", remedy="give numbers of arms, 0 is the first")
+            raise InputError(f"disturbance stops is {brief(self.stops)}", remedy="give whole numbers")
+        whole = isinstance(self.arms, tuple | list) and all(is_number(arm) and int(arm) == arm for arm in self.arms)
+        if not whole or not self.arms or min(self.arms) < 0:
+            raise InputError(f"disturbance arms is {brief(self.arms)}", remedy="give numbers of arms, 0 is the first")
 
 
 _FAMILIES = {  # times are shares of the arm's minimum time
@@ -102,7 +103,7 @@ def as_range(value: float | Range, name: str, highest: float) -> Range:
     if not (0.0 <= low <= high <= highest and math.isfinite(high)):
         limits = "" if highest == math.inf else f", at most {highest:g}"
         raise InputError(
-            f"{name} must be a number or a range, 0 or more{limits}, got {value!r}", remedy="give 0 or more"
+            f"{name} must be a number or a range, 0 or more{limits}, got {brief(value)}", remedy="give 0 or more"
         )
     return low, high
 
@@ -115,7 +116,7 @@ def as_noise(value: float) -> float:
     """
     if not (is_number(value) and value >= 0.0):
         raise InputError(
-            f"observation_noise must be a finite number, 0 or more, got {value!r}", remedy="give 0 or more"
+            f"observation_noise must be a finite number, 0 or more, got {brief(value)}", remedy="give 0 or more"
         )
     return float(value)
 
@@ -139,7 +140,7 @@ def make_draws(
     for arm in chosen[0].arms:
         if arm >= len(cell.arms):
             raise InputError(
-                f"the disturbance is for arm {arm}, cell {cell.name!r} has {len(cell.arms)} arms",
+                f"the disturbance is for arm {arm}, cell {brief(cell.name)} has {len(cell.arms)} arms",
                 remedy="give numbers of arms, 0 is the first",
             )
         arms[arm] = disturbance is not None
@@ -190,7 +191,7 @@ def _may_start(world: World, draws: Draws, lam: Floats) -> bool:
             return False
     for p in range(world.clearance.shape[0]):
         i, j = world.clearance[p, 0], world.clearance[p, 1]
-        if tabulated_clearance(clearance_of(world, p), lam[i], lam[j]) < draws.apart:
+        if not tabulated_clearance(clearance_of(world, p), lam[i], lam[j]) >= draws.apart:
             return False
     return True
 

@@ -7,6 +7,7 @@ of one arm or pair in their inner loops: cutting an arm's arrays out costs more 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -131,14 +132,15 @@ def watch(
                 b = e - first
                 for k in range(ticks):
                     found = tabulated_clearance(table, scratch.places[b, i, k], scratch.places[b, j, k])
-                    clearance[b, k] = min(clearance[b, k], found)
+                    if found < clearance[b, k] or math.isnan(found):
+                        clearance[b, k] = found
     for e in range(first, last):
         if not active[e]:
             continue
         ran = ticks
         for k in range(ticks):
             episodes.smallest[e] = min(episodes.smallest[e], clearance[e - first, k])
-            if clearance[e - first, k] < d_min:  # it ends here: back to where the arms were
+            if not clearance[e - first, k] >= d_min:  # it ends here: back to where the arms were
                 ran = k + 1
                 episodes.violated[e] = True
                 for i in range(episodes.lam.shape[1]):
@@ -165,7 +167,7 @@ def moved_closer(before: Floats, now: Floats, lever: Floats) -> float:
 
     ``lever`` (A, n): how far a point of the arm gets, at most, per radian or metre of each joint.
     """
-    most, second = 0.0, 0.0
+    most, second, total = 0.0, 0.0, 0.0
     for i in range(now.shape[0]):
         way = 0.0
         for j in range(now.shape[1]):
@@ -174,7 +176,8 @@ def moved_closer(before: Floats, now: Floats, lever: Floats) -> float:
             most, second = way, most
         elif way > second:
             second = way
-    return most + second
+        total += way
+    return most + second + 0.0 * total  # NaN, which no comparison sees, stays NaN
 
 
 @njit

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TypedDict, get_args
 
 from armtempo.envs.bodies import Physics
-from armtempo.envs.common import check_bodies, check_names, check_time_limit, is_number
+from armtempo.envs.common import check_bodies, check_flags, check_names, check_time_limit, is_number
 from armtempo.envs.coordination.world._disturbance import DISTURBANCES, Disturbance, Range, as_noise, as_range
-from armtempo.errors import InputError
+from armtempo.errors import InputError, brief
 from armtempo.planners.topp import Mode
 
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -64,15 +64,16 @@ class CoordinationOptions:
             check_names(("disturbance", self.disturbance, DISTURBANCES))
         elif not isinstance(self.disturbance, Disturbance | None):
             raise InputError(
-                f"disturbance must be a name or a Disturbance, got {self.disturbance!r}",
+                f"disturbance must be a name or a Disturbance, got {brief(self.disturbance)}",
                 remedy=f"known: {', '.join(DISTURBANCES)}",
             )
+        check_flags(shield=self.shield)
         as_noise(self.observation_noise)
         as_range(self.start_phase, "start_phase", 0.999)
         as_range(self.master_late_s, "master_late_s", math.inf)
         if not (is_number(self.shield_tube_m) and self.shield_tube_m >= 0.0):
             raise InputError(
-                f"shield_tube_m must be a distance [m], got {self.shield_tube_m!r}", remedy="give 0 or more"
+                f"shield_tube_m must be a distance [m], got {brief(self.shield_tube_m)}", remedy="give 0 or more"
             )
         check_time_limit(self.max_episode_s)
 

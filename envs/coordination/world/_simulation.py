@@ -40,6 +40,7 @@ from armtempo.envs.coordination.world._pace import obeyed_commands, pace
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
+from armtempo.state import Stateful
 
 
 def _levers(arm: Arm) -> Floats:
@@ -88,7 +89,7 @@ class CoordinationTrace(Trace[tuple[Floats, ...]]):
 
 
 @final
-class CoordinationSimulation:
+class CoordinationSimulation(Stateful):
     """One cell, run in control periods.
 
     Args:
@@ -110,6 +111,11 @@ class CoordinationSimulation:
         InputError: The cell has no such arm as the one that is disturbed.
     """
 
+    changing = (
+        "_episodes", "_ticks", "violated", "_violations", "min_clearance", "_drawn", "_settling", "_controller",
+        "_recorder", "_q_asked", "_distance_asked", "_observation",
+    )  # fmt: skip
+
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
         self.cell, self.options, self.physics, self.record = cell, options, options.physics, record
         self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
@@ -126,7 +132,6 @@ class CoordinationSimulation:
         self._controller = Controller(
             cell, options.physics, model_error=options.model_error, friction_error=options.friction_error
         )
-        self._scene, self._q = self._controller.scene, self._controller.q
         self._joints = np.zeros((ticks, *self._q.shape))
         self._obeyed, self._began, self._motion = np.zeros(arms), np.zeros((3, arms)), np.zeros((3, arms))
         self._starts = self._joints_at(np.zeros(arms))
@@ -187,6 +192,10 @@ class CoordinationSimulation:
         self._recorder.clear()
         if self.record:
             self._keep(nearest, np.zeros(self.arms))
+
+    @property
+    def _q(self) -> Floats:
+        return self._controller.q
 
     @property
     def lam(self) -> Floats:
@@ -363,7 +372,7 @@ class CoordinationSimulation:
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
-        if nearest < self._d_min:
+        if not nearest >= self._d_min:
             self.violated = True
             self._violations += 1
         if (self._episodes.arrival[0] <= self.time + 1e-12).any():

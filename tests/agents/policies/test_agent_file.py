@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import random
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent, save_agent, shipped_agents
+from armtempo.agents.policies._agent_file import SHIPPED
 from armtempo.agents.training._export import agent_of
 from armtempo.envs import COORDINATION_ENTRIES
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError
@@ -114,17 +117,40 @@ class Trap:
         return Path.touch, (self.path,)
 
 
+def _bare_array() -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, NAN)
+    return stream.getvalue()
+
+
 BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "missing": (lambda path: None, "no such agent file"),
     "empty": (lambda path: path.write_bytes(b""), "not an agent file"),
     "text": (lambda path: path.write_text("weights"), "not an agent file"),
     "no header": (lambda path: _write(path, **LAYER), "no header"),
-    "later version": (lambda path: _write(path, header=_header(version=2), **LAYER), "version 2"),
+    "later version": (lambda path: _write(path, header=_header(version=3), **LAYER), "version 3"),
     "no number": (lambda path: _write(path, header=_header(steps=None, extra=1), **LAYER), "extra"),
     "algorithm": (lambda path: _write(path, header=_header(algorithm="dqn"), **LAYER), "dqn"),
     "no layers": (lambda path: _write(path, header=_header()), "no layers"),
     "shape": (lambda path: _write(path, header=_header(entries=["x"]), **LAYER), "wrong shape"),
     "nan": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": NAN}), "finite"),
+    "stranger": (lambda path: _write(path, header=_header(), **LAYER, junk=np.zeros(3)), "unknown array 'junk'"),
+    "double": (lambda path: _write(path, header=_header(), **LAYER | {"bias_0": np.zeros(1)}), "and float64"),
+    "odd": (lambda path: _write(path, header=_header(), **LAYER, bias_1=np.zeros(1, np.float32)), "lacks its weight"),
+    "gap": (lambda path: _write(path, header=_header(), **LAYER, weight_2=LAYER["weight_0"], bias_2=LAYER["bias_0"]),
+            "layer 1 is missing"),
+    "one array": (lambda path: path.write_bytes(_bare_array()), "zip"),
+    "folder": (lambda path: path.mkdir(), "is a folder"),
+    "deep header": (lambda path: _write(path, header=np.frombuffer(b"[" * 100_000, np.uint8)), "too deep"),
+    "no mapping": (lambda path: _write(path, header=np.frombuffer(b"[1]", np.uint8)), "no mapping"),
+    "header of floats": (lambda path: _write(path, header=np.zeros(9), **LAYER), "no header"),
+    "no text": (lambda path: _write(path, header=np.frombuffer(b"\xff\xfe", np.uint8)), "not UTF-8"),
+    "long header": (lambda path: _write(path, header=np.full(5_000_000, 32, np.uint8)), "header of 5000000 bytes"),
+    "nan in words": (lambda path: _write(path, header=_header(curve=[{"reward": np.nan}]), **LAYER), "NaN is no"),
+    "entries": (lambda path: _write(path, header=_header(entries=[1] * SIZE), **LAYER), "entries are no names"),
+    "settings": (lambda path: _write(path, header=_header(settings=["x"]), **LAYER), "its settings is"),
+    "steps": (lambda path: _write(path, header=_header(steps=10**60), **LAYER), "about 61 digits"),
+    "environment": (lambda path: _write(path, header=_header(environment=[1]), **LAYER), r"its environment is \[1\]"),
     "pickle": (lambda path: _write(path, header=np.array([Trap(path.with_name("sprung"))])), "not an agent file"),
 }  # fmt: skip
 
@@ -156,6 +182,40 @@ def test_no_prefix_of_a_file_is_taken_for_an_agent(tmp_path: Path) -> None:
     flipped[start.header_offset + 200] ^= 0xFF
     path.write_bytes(bytes(flipped))
     with pytest.raises(InputError):
+        load_agent(path)
+
+
+@pytest.mark.parametrize("name", shipped_agents())
+def test_no_damaged_agent_is_taken(name: str, tmp_path: Path) -> None:
+    whole, path = (SHIPPED / f"{name.partition(':')[2]}.npz").read_bytes(), tmp_path / "agent.npz"
+    draw = random.Random(name)
+    for k in range(80):
+        place = draw.randrange(len(whole)) if k % 8 else len(whole) - 1 - draw.randrange(64)  # also of the digest
+        flipped = bytearray(whole)
+        for _ in range(1 + k % 3):
+            flipped[(place + draw.randrange(3)) % len(whole)] ^= 1 << draw.randrange(8)
+        path.write_bytes((bytes(flipped), whole[:place], whole + b"\0" * (1 + k % 7), whole[:place] + b"x")[k % 4])
+        if path.read_bytes() != whole:
+            with pytest.raises(InputError, match=r"agent\.npz: ") as caught:
+                load_agent(path)
+            assert "copy it again" in caught.value.remedy
+
+
+def test_agents_of_before_there_were_digests_are_read_and_their_checksums_with_them(tmp_path: Path) -> None:
+    path = tmp_path / "agent.npz"
+    _write(path, header=_header(), **LAYER)
+    assert load_agent(path).header == header()
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 13):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 2]) + whole[place + 1 :])
+        try:
+            read = load_agent(path)
+        except InputError:
+            continue
+        assert read.header == header()  # a bit that means nothing, such as a date in the archive
+        assert all(not array.any() for array in read.layers[0])
+    _write(path, header=_header(version=2), **LAYER)
+    with pytest.raises(InputError, match="its digest is not that of its content"):
         load_agent(path)
 
 

@@ -132,6 +132,47 @@ def test_a_trial_that_fails_does_not_count(bowl: SweepConfig, tmp_path: Path, ki
     assert [trial.number for trial in sweep(bowl, tmp_path / "s", 2, objective=_objective)] != [0, 1]
 
 
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.55, 0.8, 0.97])
+def test_a_journal_that_was_cut_in_a_line_goes_on(
+    bowl: SweepConfig, tmp_path: Path, share: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("optuna")
+
+    def leaves_a_file(training: TrainConfig, folder: Path) -> float:
+        reached = _objective(training, folder)
+        (folder / "agent.npz").write_text(str(reached))
+        return reached
+
+    journal = tmp_path / "s" / "journal.log"
+    whole = sweep(bowl, tmp_path / "s", 4, objective=leaves_a_file, seed=1)
+    data = journal.read_bytes()
+    place = int(share * len(data))
+    end = data.rfind(b"\n", 0, place) + 1
+    journal.write_bytes(data[: place + (place == end)])
+    again = sweep(bowl, tmp_path / "s", 6, objective=leaves_a_file, seed=2)
+    assert len(again) == 6
+    assert [record.message for record in caplog.records if "journal.log" in record.message] == [
+        f"{journal}: its last line was cut off and is taken away"
+    ]
+    for trial in again:
+        assert float((trial.folder / "agent.npz").read_text()) == trial.objective  # of this trial, not of a lost one
+    everything = [float(file.read_text()) for file in (tmp_path / "s" / "bowl").glob("trial-*/agent.npz")]
+    assert all(trial.objective in everything for trial in whole)  # nothing is written over
+    assert sweep(bowl, tmp_path / "s", 6, objective=leaves_a_file) == again
+
+
+def test_a_journal_with_a_damaged_line_is_named(bowl: SweepConfig, tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    journal = tmp_path / "s" / "journal.log"
+    sweep(bowl, tmp_path / "s", 2, objective=_objective)
+    lines = journal.read_bytes().splitlines(keepends=True)
+    for damaged in (b"\xff\xfe" + lines[2][2:], lines[2][: len(lines[2]) // 2] + b"\n", b"[]\n", b"{}\n"):
+        journal.write_bytes(b"".join([*lines[:2], damaged, *lines[3:]]))
+        with pytest.raises(InputError, match=r"journal\.log: a damaged journal") as caught:
+            sweep(bowl, tmp_path / "s", 3, objective=_objective)
+        assert "--storage" in caught.value.remedy
+
+
 WORKER = """
 import os, sys, time
 from pathlib import Path

@@ -1,11 +1,18 @@
-"""Training: what is left behind, exact resume after a kill, broken checkpoints."""
+"""Training: what is left behind, exact resume after a kill or a signal, longer trainings, broken checkpoints."""
 
 from __future__ import annotations
 
 import csv
+import errno
+import io
+import os
+import random
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +26,14 @@ pytest.importorskip("tensorboard")
 import torch
 
 from armtempo.agents import Training, evaluate, find_agent, train
+from armtempo.agents.training._checkpoint import read_checkpoint, save_checkpoint
+from armtempo.agents.training._logs import open_logs
+from armtempo.agents.training._signals import HeldSignals
+from armtempo.agents.training._train import EvaluationCallback
+from armtempo.commands import main
 from armtempo.configs import TrainConfig, load_train_config
 from armtempo.errors import InputError
+from armtempo.files import locked, write_sealed
 from armtempo.planners import CoordinationCell, IKCell
 from armtempo.planners.cells import draw_target
 
@@ -43,7 +56,7 @@ SAC = """
 algorithm: sac
 total_steps: 400
 checkpoint_every_steps: 160
-evaluation: {every_steps: 200, episodes: 1}
+evaluation: {every_steps: 120, episodes: 1}
 sac: {learning_starts: 40, batch_size: 32, buffer_size: 250}
 """
 TQC = SAC.replace("sac", "tqc")
@@ -76,6 +89,19 @@ def die(done, total):
 
 train(sys.argv[1], sys.argv[2], on_progress=die)
 """
+TERMINATED = """
+import os, signal, sys
+from armtempo.agents.training._train import EvaluationCallback
+from armtempo.commands import main
+
+def on_step(self):
+    if self.num_timesteps == int(sys.argv[1]):  # between the two ends of a rollout
+        os.kill(os.getpid(), signal.SIGTERM)
+    return True
+
+EvaluationCallback._on_step = on_step
+sys.exit(main(sys.argv[2:]))
+"""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -102,6 +128,18 @@ def without_time(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def weights(folder: Path) -> dict[str, Any]:
     content = torch.load(folder / "checkpoint.pt", weights_only=True)
     return {"parameters": content["parameters"]["policy"], "obs": content["last_obs"]["bytes"], **content["variables"]}
+
+
+def logged(folder: Path) -> dict[str, list[int]]:
+    """The steps at which TensorBoard was told of each figure, over all logs of a training, as they are on the disk."""
+    from tensorboard.backend.event_processing.event_file_loader import EventFileLoader  # type: ignore[import-untyped]
+
+    steps: dict[str, list[int]] = {}
+    for file in sorted((folder / "tensorboard").iterdir(), key=lambda file: file.stat().st_mtime_ns):
+        for event in EventFileLoader(str(file)).Load():
+            for value in event.summary.value:
+                steps.setdefault(value.tag, []).append(event.step)
+    return steps
 
 
 def assert_same(one: Any, other: Any) -> None:
@@ -210,7 +248,197 @@ def test_a_folder_is_not_overwritten_nor_resumed_with_something_else(trained: Tr
         train(trained.config, trained.folder, seed=8, resume=True)
 
 
-@pytest.mark.parametrize("how", ["nothing", "empty", "text", "short", "foreign", "later", "emptied"])
+def interrupted_by_ctrl_c(folder: Path, line: list[str]) -> tuple[int, str]:
+    """Exit status and stderr of a command that gets Ctrl-C in a rollout, in this process."""
+    stderr = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stderr(stderr):
+        patch.chdir(folder)
+
+        def on_step(callback: EvaluationCallback) -> bool:
+            if callback.num_timesteps == 600:
+                signal.raise_signal(signal.SIGINT)
+            return True
+
+        patch.setattr(EvaluationCallback, "_on_step", on_step)
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background jobs ignore it
+        try:
+            return main(line), stderr.getvalue()
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def terminated(folder: Path, line: list[str]) -> tuple[int, str]:
+    """The same of one that gets SIGTERM, in a process of its own."""
+    run = subprocess.run(
+        [sys.executable, "-c", TERMINATED, "600", *line], cwd=folder, capture_output=True, text=True, check=False
+    )
+    return run.returncode, run.stderr
+
+
+@pytest.mark.parametrize(("told", "status"), [(interrupted_by_ctrl_c, 130), (terminated, 143)])
+def test_a_training_that_is_told_to_end_saves_first_and_goes_on(
+    told: Callable[[Path, list[str]], tuple[int, str]], status: int, trained: Training, tmp_path: Path
+) -> None:
+    written(tmp_path, PPO, LAST)
+    assert told(tmp_path, ["train", "small.yaml", "--output", "out"]) == (
+        status,
+        "armtempo: interrupted: saved at 640 of 1024 steps in out; --resume (in Python resume=True) goes on\n",
+    )
+    assert not (tmp_path / "out" / "agent.npz").exists()
+    resumed = train(tmp_path / "small.yaml", tmp_path / "out", resume=True)
+    assert_same(weights(resumed.folder), weights(trained.folder))
+    assert without_time(resumed.curve) == without_time(trained.curve)
+    assert logged(resumed.folder) == logged(trained.folder)
+
+
+def test_a_second_signal_ends_a_training_at_once_and_a_handler_gets_what_was_held(tmp_path: Path) -> None:
+    got: list[int] = []
+    ctrl_c = signal.getsignal(signal.SIGINT)
+    before = signal.signal(signal.SIGTERM, lambda number, _: got.append(number))
+    try:
+        with HeldSignals() as signals:
+            signal.raise_signal(signal.SIGTERM)
+            assert (signals.received, got) == (signal.SIGTERM, [])
+            signal.raise_signal(signal.SIGTERM)
+            assert got == [signal.SIGTERM]
+            with pytest.raises(KeyboardInterrupt) as caught:  # a handler that does not end anything
+                signals.pass_on("saved")
+            assert got == [signal.SIGTERM] * 2
+            assert caught.value.__notes__ == ["saved"]
+        assert signal.getsignal(signal.SIGINT) is ctrl_c
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+HALF_AS_LONG = PPO.replace("learning_rate_end: 0.0, ", "").replace("512", "256").replace("1024", "512")
+
+
+@pytest.mark.parametrize("algorithm", [HALF_AS_LONG, SAC.replace("400", "240")], ids=["ppo", "sac"])
+def test_a_training_that_is_made_longer_is_one_that_was_long_from_the_start(algorithm: str, tmp_path: Path) -> None:
+    long = config(tmp_path, algorithm, LAST)  # without a learning rate that ends with the training
+    whole = train(long, tmp_path / "whole")
+    short = train(long, tmp_path / "out", steps=long.total_steps // 2)
+    longer = train(long, tmp_path / "out", resume=True)
+    assert short.curve[-1]["steps"] == long.total_steps // 2
+    assert_same(weights(longer.folder), weights(whole.folder))
+    for one, other in zip(longer.agent.layers, whole.agent.layers, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+    assert without_time(longer.curve) == without_time(whole.curve)
+    assert longer.agent.header.steps == long.total_steps
+    assert logged(longer.folder) == logged(whole.folder)
+    with pytest.raises(InputError, match=rf"trained for {long.total_steps} steps already, and {long.total_steps - 1} "):
+        train(long, tmp_path / "out", resume=True, steps=long.total_steps - 1)
+
+
+BULLET = """
+algorithm: ppo
+total_steps: 96
+checkpoint_every_steps: 64
+evaluation: {every_steps: 96, episodes: 1}
+coordination: {cells: [lee1991], physics: bullet}
+ppo: {rollout_steps: 8, batch_size: 16, epochs: 1}
+"""
+
+
+@pytest.mark.parametrize("texts", [(PPO, LAST), (BULLET,)], ids=["with a state", "without"])
+def test_checkpoints_that_come_with_time_change_nothing(
+    texts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, saved = written(tmp_path, *texts), []
+
+    def counted(path: Path, *given: Any, **how: Any) -> None:
+        saved.append(how["cut"])
+        save_checkpoint(path, *given, **how)
+
+    monkeypatch.setattr("armtempo.agents.training._train.save_checkpoint", counted)
+    usual = train(path, tmp_path / "usual")
+    seldom = len(saved)
+    monkeypatch.setattr("armtempo.agents.training._train.SAVE_EVERY_S", 0.0)
+    monkeypatch.setattr("armtempo.agents.training._train.SAVE_SPARSENESS", 0.0)
+    often = train(path, tmp_path / "often")
+    assert (seldom, len(saved) - seldom) == ((2, 9) if texts[0] == PPO else (2, 7))  # also at 0 and at the end
+    assert_same(weights(often.folder), weights(usual.folder))
+    assert without_time(often.curve) == without_time(usual.curve)
+
+
+def test_one_process_trains_in_a_folder(tmp_path: Path) -> None:
+    path, folder = written(tmp_path, PPO, LAST), tmp_path / "out"
+    folder.mkdir()
+    with locked(folder / "lock") as alone:
+        assert alone
+        with pytest.raises(InputError, match="out: another process trains there"):
+            train(path, folder)
+    assert [file.name for file in folder.iterdir()] == ["lock"]
+
+
+def test_a_full_disk_leaves_the_checkpoint_before(
+    trained: Training, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, folder, calls = written(tmp_path, PPO, LAST), tmp_path / "out", []
+
+    def full(file: Path, content: memoryview) -> None:
+        calls.append(file)
+        write_sealed(file, content[: len(content) // len(calls)])
+        if len(calls) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("armtempo.agents.training._checkpoint.write_sealed", full)
+        with pytest.raises(OSError, match=r"No space left on device: .*checkpoint\.pt"):
+            train(path, folder)
+    assert {file.name for file in folder.iterdir()} == {"checkpoint.pt", "curve.csv", "lock", "tensorboard"}
+    resumed = train(path, folder, resume=True)
+    assert_same(weights(folder), weights(trained.folder))
+    assert logged(resumed.folder) == logged(trained.folder)
+
+
+def test_logs_on_a_full_disk_are_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def full(writer: object, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def log_much() -> None:
+        with open_logs(tmp_path, {}) as logger:
+            logger.record("before", 1.0)
+            logger.dump(0)
+            monkeypatch.setattr("tensorboard.summary.writer.record_writer.RecordWriter.write", full)
+            while True:  # TensorBoard's thread dies; the next dump tells
+                logger.record("after", 1.0)
+                logger.dump(1)
+
+    hook = threading.excepthook
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        log_much()
+    assert caught.value.filename == str(tmp_path)
+    assert threading.excepthook is hook
+    assert capfd.readouterr().err == ""  # no traceback of the thread
+
+
+def test_no_damaged_checkpoint_is_taken(trained: Training, tmp_path: Path) -> None:
+    whole, path, draw = (trained.folder / "checkpoint.pt").read_bytes(), tmp_path / "checkpoint.pt", random.Random(6)
+    for k in range(240):
+        place = draw.randrange(len(whole)) if k % 8 else len(whole) - 1 - draw.randrange(64)  # also of the digest
+        flipped = bytearray(whole)
+        for _ in range(1 + k % 3):
+            flipped[(place + draw.randrange(3)) % len(whole)] ^= 1 << draw.randrange(8)
+        path.write_bytes((bytes(flipped), whole[:place], whole + b"\0" * (1 + k % 7), whole[:place] + b"x")[k % 4])
+        if path.read_bytes() != whole:
+            with pytest.raises(InputError, match=r"checkpoint\.pt: ") as caught:
+                read_checkpoint(path)
+            assert "copy it again" in caught.value.remedy
+    path.write_bytes(whole)
+    assert read_checkpoint(path)["counters"]["num_timesteps"] == 1024
+
+
+def reseal(content: dict[str, Any], path: Path) -> None:
+    """As whoever means harm would."""
+    packed = io.BytesIO()
+    torch.save(content, packed)
+    write_sealed(path, packed.getvalue())
+
+
+@pytest.mark.parametrize("how", ["nothing", "empty", "text", "short", "foreign", "later", "emptied", "nan"])
 def test_a_checkpoint_that_cannot_be_used_is_named(how: str, trained: Training, tmp_path: Path) -> None:
     whole, path = (trained.folder / "checkpoint.pt").read_bytes(), tmp_path / "checkpoint.pt"
     content = torch.load(trained.folder / "checkpoint.pt", weights_only=True)
@@ -224,9 +452,12 @@ def test_a_checkpoint_that_cannot_be_used_is_named(how: str, trained: Training, 
         case "foreign":
             torch.save({"weights": torch.zeros(3)}, path)
         case "later":
-            torch.save(content | {"version": 2}, path)
+            torch.save(content | {"version": 3}, path)
         case "emptied":
-            torch.save(content | {"parameters": {}}, path)
+            reseal(content | {"parameters": {}}, path)
+        case "nan":
+            content["parameters"]["policy"]["action_net.bias"].fill_(float("nan"))
+            reseal(content, path)
     with pytest.raises(InputError, match="checkpoint") as caught:
         train(trained.config, tmp_path, resume=True)
     assert str(path) in str(caught.value)

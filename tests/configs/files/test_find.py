@@ -64,7 +64,7 @@ def test_a_folder_is_told_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
     file.write_bytes(b"name: \xff")
-    with pytest.raises(ConfigError, match=r"own\.yaml: not UTF-8 text"):
+    with pytest.raises(ConfigError, match=r"own\.yaml: cannot be read: not UTF-8 text"):
         CELL_FILES.read(file)
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from armtempo.configs.files._messages import closest, config_error, dotted, either, shown, with_article
-from armtempo.errors import ConfigError
+from armtempo.configs.files._messages import config_error, dotted, either, shown, with_article
+from armtempo.errors import ConfigError, closest
 
 
 class Wheel(BaseModel):
@@ -72,7 +72,8 @@ def test_words_for_keys_values_and_lists() -> None:
     assert dotted(("arms", 0, "path", "segments", 2)) == "arms[0].path.segments[2]"
     assert shown(None) == "null"
     assert shown("a\n  b") == r"'a\n b'"
-    assert (len(shown("x" * 100)), shown("x" * 100)[-3:]) == (60, "...")
+    assert len(shown("x" * 100)) == 60
+    assert "..." in shown("x" * 100)
     assert len(shown("x" * 58)) == 60
     assert either(["a", "b", "c"]) == "a, b or c"
     assert (with_article("ik"), with_article("blend")) == ("an ik", "a blend")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from armtempo.configs import bundled_trainings, load_train_config, parse_train_config
-from armtempo.errors import ConfigError, UnknownNameError
+from armtempo.errors import ConfigError, InputError, UnknownNameError
 
 HEAD = "name: x\nalgorithm: ppo\n"
 WHERE = HEAD + "coordination: {cells: [lee1991]}\n"
@@ -73,3 +73,13 @@ def test_defaults_and_changes() -> None:
 def test_unknown_names() -> None:
     with pytest.raises(UnknownNameError, match="lee1991"):
         load_train_config("lee1919")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("total_steps", 10**60), ("total_steps", 0), ("seed", 2**32), ("seed", -1), ("seed", True), ("num_envs", 10**9)],
+)
+def test_changes_are_what_a_file_could_say(key: str, value: int) -> None:
+    with pytest.raises(InputError, match=f"{key}: Input should be"):
+        load_train_config("lee1991").changed(**{key: value})
+    assert load_train_config("lee1991").changed(total_steps=7).total_steps == 7

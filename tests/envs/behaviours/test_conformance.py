@@ -159,7 +159,7 @@ def test_close_twice(lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCel
     ):
         env.close()
         env.close()
-        scene = env.simulation._scene
+        scene = env.simulation._controller.scene
         assert (scene is None) == (physics == "ideal")
         assert scene is None or scene.client < 0
 

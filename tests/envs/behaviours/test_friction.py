@@ -76,7 +76,7 @@ def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: CoordinationC
         body = scene.bodies[0]
         q = np.zeros((2, 2))
         qd = np.zeros((2, 2))
-        scene.reset_joints(q)
+        scene.put_joints(q, np.zeros_like(q))
         for name in scene.joints[0]:
             pybullet.resetJointState(body, name, 0.0, 0.2, physicsClientId=scene.client)
         for _ in range(2000):

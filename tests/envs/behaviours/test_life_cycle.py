@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import pickle
 from collections.abc import Callable
 from dataclasses import fields
 from inspect import cleandoc
@@ -372,25 +371,3 @@ def test_the_docstring_has_the_table_of_entries_and_the_space_is_made_of_it(kind
     np.testing.assert_array_equal(space.high, [entry.high for entry in kind.entries])
     assert len({entry.name for entry in kind.entries}) == len(kind.entries)
     env.close()
-
-
-@pytest.mark.parametrize("way", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_goes_on_like_the_original_without_physics_and_is_refused_in_pybullet(
-    make: Make, way: Callable[[Any], Any]
-) -> None:
-    env = make(record=True)
-    env.reset(seed=0)
-    env.step(act(env, 0.3))
-    copied = way(env)
-    for one in (copied, env):
-        for _ in range(3):
-            one.step(act(one, 0.3))
-    np.testing.assert_array_equal(copied.trace.q[-1], env.trace.q[-1])
-    assert len(copied.trace.time) == len(env.trace.time)
-    env.close()
-    copied.step(act(copied, 0.3))
-    real = make(physics="bullet")
-    with pytest.raises(InputError) as error:
-        way(real)
-    says(error, "what is in PyBullet can neither be copied nor pickled", 'physics="ideal"')
-    real.close()

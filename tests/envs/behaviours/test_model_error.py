@@ -59,7 +59,7 @@ def test_bodies_are_heavier_by_the_share_told(lee1991: CoordinationCell) -> None
     def of(model_error: float) -> list[tuple[float, ...]]:
         env = CoordinationEnv(lee1991, physics="bullet", model_error=model_error)
         env.reset(seed=0)
-        scene = env.simulation._scene
+        scene = env.simulation._controller.scene
         assert scene is not None
         found = []
         for body in scene.bodies:

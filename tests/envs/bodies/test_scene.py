@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,11 @@ import pytest
 import yaml
 
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, YieldingEnv
+from armtempo.envs.bodies import _scene
 from armtempo.envs.bodies._scene import Scene
+from armtempo.errors import RobotError
 from armtempo.planners import CoordinationCell, load_cell
-from armtempo.robots import Arm
+from armtempo.robots import Arm, urdf_text
 
 POSITION, RPY = (0.1, -0.2, 0.3), (0.35, -0.2, 0.5)
 
@@ -66,25 +70,22 @@ def cell(request: pytest.FixtureRequest, lee1991: CoordinationCell, tmp_path: Pa
 def _tip_in_pybullet(scene: Scene, i: int, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Origin and rotation of the arm's tip link (without the tool's frame) as PyBullet has them."""
     body, client = scene.bodies[i], scene.client
-    names = [
-        pybullet.getJointInfo(body, k, physicsClientId=client)[12].decode()
-        for k in range(pybullet.getNumJoints(body, physicsClientId=client))
-    ]
-    state = pybullet.getLinkState(
-        body, names.index(arm.tip_link), computeForwardKinematics=True, physicsClientId=client
-    )
-    return np.array(state[4]), np.array(pybullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
+    state = pybullet.getLinkState(body, arm.dof - 1, computeForwardKinematics=True, physicsClientId=client)
+    rotation = np.array(pybullet.getMatrixFromQuaternion(state[5])).reshape(3, 3)
+    return np.array(state[4]) + rotation @ arm.model.tip_p, rotation @ arm.model.tip_R
 
 
 def test_tips_are_where_the_planner_has_them(cell: CoordinationCell) -> None:
     scene, random = Scene(cell), np.random.default_rng(0)
     for _ in range(10):
         q = random.uniform(-2.5, 2.5, (len(cell.arms), 2))
-        scene.reset_joints(q)
+        scene.put_joints(q, np.zeros_like(q))
         for i, arm in enumerate(cell.arms):
             bare = Arm.from_urdf(arm.urdf, T_world_base=arm.T_world_base, tip_link=arm.tip_link)
             origin, rotation = _tip_in_pybullet(scene, i, bare)
-            np.testing.assert_allclose(origin, bare.tip_pose(q[i])[:3, 3], atol=1e-6)  # PyBullet's URDF floats
+            np.testing.assert_allclose(
+                origin, bare.tip_pose(q[i])[:3, 3], atol=1e-6
+            )  # link frames are told in single precision
             np.testing.assert_allclose(rotation, bare.tip_pose(q[i])[:3, :3], atol=1e-6)
             config = cell.config.arms[i]
             if config.tool is not None:  # the planner's tip is the tool's working point
@@ -102,7 +103,7 @@ def test_one_tick_obeys_the_planners_dynamics(cell: CoordinationCell) -> None:
     for trial in range(20):
         q, qd = random.uniform(-2.5, 2.5, shape), random.uniform(-3.0, 3.0, shape)
         torque = random.uniform(-5.0, 5.0, shape) if trial else np.zeros(shape)
-        scene.reset_joints(q)
+        scene.put_joints(q, np.zeros_like(q))
         for body, joints, row, speed in zip(scene.bodies, scene.joints, q, qd, strict=True):
             for joint, a, b in zip(joints, row, speed, strict=True):
                 pybullet.resetJointState(body, joint, a, b, physicsClientId=scene.client)
@@ -170,7 +171,7 @@ def test_no_contacts_and_no_hidden_damping(lee1991: CoordinationCell) -> None:
     pybullet.setTimeStep(1e-4, physicsClientId=scene.client)
     pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=scene.client)
     q = np.array([path.evaluate(0.5 * path.length)[0] for path in lee1991.paths])
-    scene.reset_joints(q)
+    scene.put_joints(q, np.zeros_like(q))
     for body, joints, row in zip(scene.bodies, scene.joints, q, strict=True):
         for joint, a in zip(joints, row, strict=True):
             pybullet.resetJointState(body, joint, a, 1.0, physicsClientId=scene.client)
@@ -185,9 +186,37 @@ def test_no_contacts_and_no_hidden_damping(lee1991: CoordinationCell) -> None:
     scene.close()
 
 
+def test_bodies_that_are_not_the_arms_are_refused(lee1991: CoordinationCell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mass, a place and an axis that are off by little; the client is left, too."""
+    model = lee1991.arms[1].model
+    for change in (
+        {"mass": model.mass * (1.0 + 1e-6)},
+        {"placement_p": model.placement_p + np.array([1e-6, 0.0, 0.0])},
+        {"com": model.com + np.array([0.0, 1e-7, 0.0])},
+        {"inertia": model.inertia * 1.001},
+    ):
+        other = replace(lee1991.arms[1], model=model._replace(**change))
+        monkeypatch.setattr(_scene, "urdf_text", lambda arm, visuals, other=other: urdf_text(other, visuals))
+        monkeypatch.setattr(Scene, "_weigh", lambda self, *args: None)
+        with pytest.raises(
+            RobotError, match=r"arm 'slave': its .* in PyBullet are off by .* from what is planned with"
+        ):
+            Scene(replace(lee1991, arms=(lee1991.arms[1],)))
+
+
+def test_pybullet_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    """Its console output is C's: a JSON on standard output stays one."""
+    env = CoordinationEnv("panda-pair", physics="bullet", render_mode="rgb_array")
+    env.reset(seed=0)
+    env.render()
+    env.close()
+    ctypes.CDLL(None).fflush(None)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_many_environments_share_nothing_in_pybullet(lee1991: CoordinationCell) -> None:
     envs = [YieldingEnv(lee1991) for _ in range(8)]
-    clients = [env.simulation._scene.client for env in envs]  # type: ignore[union-attr]
+    clients = [env.simulation._controller.scene.client for env in envs]  # type: ignore[union-attr]
     assert len(set(clients)) == len(clients)
     for env in envs:
         env.close()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils import seeding
 
-from armtempo.envs.common import Chunks, Generators, check_same, copied, put_state, sums_of, with_masks
+from armtempo.envs.common import Chunks, Generators, sums_of, with_masks
 from armtempo.errors import InputError
 
 
@@ -55,20 +55,6 @@ def test_generators_are_those_of_single_environments_and_go_on_from_their_state(
     for one, other in zip(some.each, others.each, strict=True):
         assert one.integers(2**31, size=5).tolist() == other.integers(2**31, size=5).tolist()
         assert one.bit_generator.state == other.bit_generator.state
-
-
-def test_a_state_that_does_not_fit_changes_nothing() -> None:
-    arrays = {"a": np.zeros(2), "b": np.zeros(3)}
-    kept = copied(arrays)
-    for state in ({"a": np.ones(2)}, {"a": np.ones(2), "b": np.ones(2)}, {"a": np.ones(2), "b": np.ones(3, np.int64)}):
-        with pytest.raises(InputError, match="state's b does not fit these environments of 'mine'"):
-            put_state(arrays, state, "mine")
-        assert (arrays["a"] == 0.0).all()
-    put_state(arrays, {"a": np.ones(2), "b": np.ones(3)}, "mine")
-    assert (arrays["a"] == 1.0).all()
-    assert (kept["a"] == 0.0).all()
-    with pytest.raises(InputError, match="state's a"):
-        check_same(arrays, kept, "mine")
 
 
 def test_sums_have_the_bits_of_pythons() -> None:

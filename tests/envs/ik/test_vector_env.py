@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from functools import partial
 from typing import Any
 
@@ -146,26 +148,25 @@ def test_going_on_from_a_saved_state(chung: IKCell, family: Any) -> None:
     for _ in range(60):
         env.step(actions(env, "gains", random))
     state = env.get_state()
-    kept = {name: array.copy() for name, array in state.items()}
+    kept = copy.deepcopy(state)
     later = [actions(env, "gains", random) for _ in range(120)]
     wanted = [env.step(one) for one in later]
-    for name, array in state.items():
-        np.testing.assert_array_equal(array, kept[name])  # a copy
+    assert pickle.dumps(state) == pickle.dumps(kept)  # a copy
     other.set_state(state)  # without a reset
     for one, expected in zip(later, wanted, strict=True):
         for ours, theirs in zip(other.step(one)[:4], expected[:4], strict=True):
             np.testing.assert_array_equal(ours, theirs)
     with pytest.raises(InputError, match="does not fit"):
-        other.set_state({name: array[:2] for name, array in state.items()})
+        other.set_state({**state, "batch.ahead": state["batch.ahead"][:2]})
     others: list[dict[str, Any]] = [{"target_seed": 1, "family": "smooth"}, {"action_mode": "speeds", "family": family}]
     for changes in others:
         asked: dict[str, Any] = {"action_mode": "gains", "targets": 4, **changes}
         another = FeedbackIKVectorEnv(5, chung, **asked)
         another.reset(seed=0)
-        with pytest.raises(InputError, match="does not fit"):
+        with pytest.raises(InputError, match="the state's"):
             another.set_state(state)
-    with pytest.raises(InputError, match="random does not fit"):
-        other.set_state({name: array for name, array in state.items() if name != "random"})
+    with pytest.raises(InputError, match=r"'batch\.generators\.words' does not fit"):
+        other.set_state({name: array for name, array in state.items() if name != "batch.generators.words"})
 
 
 def test_reset_of_some(chung: IKCell) -> None:
@@ -243,7 +244,5 @@ def test_input_errors(chung: IKCell, lee1991: CoordinationCell) -> None:
             env.step(action)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="reset_mask"):
         env.reset(options={"reset_mask": np.zeros(2, dtype=np.bool_)})
-    with pytest.raises(InputError, match="targets=64"):
-        env.get_state()
     with pytest.raises(InputError, match="options must map"):
         env.reset(options=5)  # type: ignore[arg-type]

@@ -60,14 +60,14 @@ FAULTS = {
     "a word": ("a.csv", "1,2\n3,left\n", "a.csv, line 2: 'left' is no number"),
     "mixed": ("a.csv", "one,2\n", "a.csv, line 1: mixes names and numbers: one, 2"),
     "twice": ("a.csv", "one,one,two\n1,2,3\n", "joint 'one' has 2 columns"),
-    "a slip": ("a.csv", "one,tow\n1,2\n", "no column for joint 'two' (is it 'tow'?"),
+    "a slip": ("a.csv", "one,tow\n1,2\n", "no column for joint 'two' (did you mean 'tow'?"),
     "nothing": ("a.csv", "one,two\n", "holds no waypoints"),
     "no json": ("a.json", "[[1, 2],\n[3,, 4]]", "a.json, line 2, column 4: not JSON"),
     "other key": ("a.json", '{"waypoints": [[1, 2]]}', "unknown key 'waypoints'"),
     "no key": ("a.json", '{"joints": ["one", "two"]}', "no waypoints_rad"),
     "names": ("a.json", '{"joints": "one", "waypoints_rad": [[1]]}', "joints is no list of names"),
     "number": ("a.json", "3", "holds no list of waypoints"),
-    "truth": ("a.json", "[[1, 2], [true, 2]]", "a.json, waypoint 1: is no list of numbers: [true, 2]"),
+    "truth": ("a.json", "[[1, 2], [true, 2]]", "a.json, waypoint 1: is no list of numbers: [True, 2]"),
 }
 
 

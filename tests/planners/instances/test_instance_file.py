@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -116,3 +118,43 @@ def test_other_versions_and_missing_arrays_are_named(file: Path, tmp_path: Path)
 def test_orders_that_do_not_name_every_arm_once(instance: Instance, order: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="each of the 2 arms once"):
         instance.plan("interval", order=order)
+
+
+def _head(**changes: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    def changed(arrays: dict[str, Any]) -> dict[str, Any]:
+        said = json.loads(arrays["head"].tobytes()) | changes
+        return arrays | {"head": np.frombuffer(json.dumps(said).encode(), dtype=np.uint8)}
+
+    return changed
+
+
+WRONG: dict[str, tuple[Callable[[dict[str, Any]], dict[str, Any]], str]] = {
+    "a stranger": (lambda a: a | {"junk": np.zeros(2)}, "unknown array 'junk'"),
+    "nan": (lambda a: a | {"arm0_M": np.full_like(a["arm0_M"], np.nan)}, "M is not finite"),
+    "endless period": (_head(control_period_s=1e308), "control_period_s"),
+    "no period": (_head(control_period_s="0.1"), "control_period_s"),
+    "an arm less": (_head(arms=["one"]), "mu_end"),
+    "numbers for names": (_head(arms=[1, 2]), "its arms are"),
+    "joints": (_head(joints=[10**60, 2]), "joints"),
+    "labels": (_head(labels={}), "is no instance"),
+    "deep": (lambda a: a | {"head": np.frombuffer(b"[" * 50_000, np.uint8)}, "too deep"),
+    "resolution": (lambda a: a | {"chart_0_1_shape": a["chart_0_1_shape"] * [1e3, 1, 1, 1]}, "cells along a side"),
+    "half a chart": (lambda a: a | {"chart_0_1": a["chart_0_1"][:, : a["chart_0_1"].shape[1] // 2]}, "has shape"),
+    "states": (lambda a: a | {"bound_0_1": np.full_like(a["bound_0_1"], 255)}, "states that do not exist"),
+    "lengths": (lambda a: a | {"chart_0_1_shape": a["chart_0_1_shape"] * [1, 2, 1, 1]}, "other lengths"),
+    "d_min": (lambda a: a | {"chart_0_1_shape": a["chart_0_1_shape"] * [1, 1, 1, np.nan]}, "chart_0_1_shape"),
+    "time runs back": (lambda a: a | {"arm1_bound_time": -a["arm1_bound_time"]}, "the bound's motion of arm 1"),
+    "share": (lambda a: a | {"arm0_bound_share": np.array(np.nan)}, "arm0_bound_share"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_every_number_of_an_instance_is_looked_at(case: str, file: Path, tmp_path: Path) -> None:
+    with np.load(file) as archive:
+        arrays: dict[str, Any] = dict(archive)
+    change, message = WRONG[case]
+    np.savez(tmp_path / "wrong.npz", **change(arrays))
+    begin = time.perf_counter()
+    with pytest.raises(InputError, match=rf"wrong\.npz: is no instance: .*{message}|{message}"):
+        load_instance(tmp_path / "wrong.npz")
+    assert time.perf_counter() - begin < 5.0

@@ -159,11 +159,11 @@ def test_files_hold_waypoints(name: str, text: str, tmp_path: Path) -> None:
     [
         ("a.csv", "0,1\n1,x\n", ["a.csv, line 2", "'x' is no number"]),
         ("a.csv", "0,1\n1\n", ["a.csv, line 2", "has 1 numbers", "give 2"]),
-        ("a.csv", "joint_1,joint_3\n0,1\n1,2\n", ["no column for joint 'joint_2'", "is it 'joint_"]),
+        ("a.csv", "joint_1,joint_3\n0,1\n1,2\n", ["no column for joint 'joint_2'", "did you mean 'joint_"]),
         ("a.csv", "joint_1,joint_1,joint_2\n0,1,2\n", ["joint 'joint_1' has 2 columns"]),
         ("a.csv", "joint_1,3\n0,1\n", ["line 1", "mixes names and numbers"]),
         ("a.csv", "\n", ["holds no waypoints"]),
-        ("a.csv", "0,1\nnan,1\n", ["waypoint 1 is not finite"]),
+        ("a.csv", "0,1\nnan,1\n", ["a.csv, line 2", "[nan, 1.0] are no joint positions"]),
         ("a.json", "[[0, 1],\n [1, 2]", ["a.json, line 2", "not JSON"]),
         ("a.json", '[[0, 1], [1, "2"]]', ["waypoint 1", "no list of numbers"]),
         ("a.json", "[[0, 1], [1]]", ["waypoint 1", "has 1 numbers"]),
@@ -180,7 +180,7 @@ def test_bad_files_are_named(name: str, text: str, words: list[str], tmp_path: P
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.csv: cannot be read: No such file"):
+    with pytest.raises(InputError, match=r"none\.csv: cannot be read: no such file"):
         JointPath.from_file(tmp_path / "none.csv")
 
 

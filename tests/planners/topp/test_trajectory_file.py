@@ -41,9 +41,7 @@ def test_any_samples_round_trip(
     seed: int, rows: int, joints: int, form: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     generator = np.random.default_rng(seed)
-    tables = {
-        name: generator.normal(size=(rows, joints)) * 10.0 ** generator.integers(-300, 300) for name in FIELDS[1:]
-    }
+    tables = {name: generator.normal(size=(rows, joints)) * 10.0 ** generator.integers(-300, 8) for name in FIELDS[1:]}
     names = tuple(f'joint,{k} "x.y"' for k in range(joints))
     motion = JointTrajectory(joint_names=names, time=np.cumsum(generator.uniform(1e-9, 1, rows)), **tables)
     file = tmp_path_factory.mktemp("any") / f"a.{form}"

@@ -1,0 +1,53 @@
+"""What is said below a table when no policy finished: who was stopped by what."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from armtempo.agents import evaluate
+from armtempo.commands.reports._blend import summary_sentence as of_blends
+from armtempo.commands.reports._coordination import summary_sentence
+from armtempo.planners import BlendCell, CoordinationCell
+
+
+@pytest.mark.parametrize(
+    ("policies", "options", "said"),
+    [
+        (["phase-plane"], {}, "No policy finished: phase-plane came closer than d_min."),
+        (
+            ["delay", "sequential"],
+            {"max_episode_s": 0.1},
+            "No policy finished: delay, sequential did not arrive in time.",
+        ),
+        (
+            ["phase-plane", "sequential"],
+            {"max_episode_s": 0.5},
+            "No policy finished: phase-plane came closer than d_min; sequential did not arrive in time.",
+        ),
+    ],
+)
+def test_no_policy_finished(lee1991: CoordinationCell, policies: list[str], options: dict[str, Any], said: str) -> None:
+    assert summary_sentence(evaluate(lee1991, policies, **options)).startswith(said)
+
+
+def test_an_arm_off_its_path(lee1991: CoordinationCell) -> None:
+    late = evaluate(lee1991, ["delay"], max_episode_s=0.1)
+    off = {"delay": replace(late.results["delay"], path_error_max_m=0.0345, torque_demand_ratio_max=67.0)}
+    said = summary_sentence(replace(late, results=off))
+    assert said == "No policy finished: delay left the path by 34.5 mm (torque up to 67 x)."
+
+
+def test_no_policy_arrived_within_its_limits(lee2006: BlendCell) -> None:
+    late = evaluate(lee2006, ["constant", "line-speed"], max_episode_s=0.1)
+    start = "No policy arrived within its limits: "
+    assert of_blends(late) == f"{start}constant, line-speed did not arrive in time."
+    one, other = late.results.values()
+    left = replace(one, left=1, contour_error_max_m=0.0123)
+    arrived = replace(other, finished=1, normal_acceleration_ratio_max=7.61)
+    assert of_blends(replace(late, results={"constant": left, "mine": arrived})) == (
+        f"{start}constant left the tube around the path (12.3 mm off); "
+        "mine asked for 7.61 x the limit of the normal acceleration."
+    )
