@@ -132,9 +132,9 @@ def _run(env: CoordinationEnv, policy: str, episodes: int) -> Iterator[tuple[flo
         off = along = 0.0
         clipped = periods = 0
         while env.agents:
-            drawn = generator.uniform(-1.0, 1.0, env.num_agents)
-            asked = [1.0] * env.num_agents if policy == "full-speed" else drawn.tolist()
-            env.step({agent: np.array([a], dtype=np.float32) for agent, a in zip(env.agents, asked, strict=True)})
+            drawn = generator.uniform(-1.0, 1.0, (env.num_agents, 1)).astype(np.float32)
+            asked = np.ones_like(drawn) if policy == "full-speed" else drawn
+            env.step(dict(zip(env.agents, asked, strict=True)))
             if simulation.physics == "bullet":
                 errors = simulation.path_errors()
                 off, along = max(off, float(errors[0].max())), max(along, float(errors[1].max()))

@@ -6,11 +6,14 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.planners.cells._coordination_cell import CONTROL_SHARE, CoordinationCell
-from armtempo.planners.topp import PathDynamics
+from armtempo.planners.topp import PathDynamics, PhasePlane
 from armtempo.robots import Arm
 
 OVERSHOOT = 0.15
 """Of what feedback adds: critically damped, ``exp(-2)`` without ticks; 0.153 at the most with those of the cells."""
+
+
+RATES = np.linspace(1.0, 0.05, 381)
 
 
 def needed_torque_reserve(cell: CoordinationCell, model_error: float = 0.0, friction_error: float = 0.0) -> float:
@@ -44,6 +47,35 @@ def can_go_slowly(cell: CoordinationCell, model_error: float = 0.0, friction_err
     Then any motion along the path is possible, if only slowly enough.
     """
     return all(_stands(arm, dynamics, model_error, friction_error) for arm, dynamics, _ in _planned(cell))
+
+
+def rate_that_holds(cell: CoordinationCell, model_error: float = 0.0, friction_error: float = 0.0) -> float:
+    """The largest rate up to 1 at which any motion within the plan's limits can run with these errors; 0: none.
+
+    At a rate ``k`` torques of inertia are ``k^2`` of the planned ones, those of viscous friction ``k``; what holds the
+    arm, and dry friction, stay. They are asked at rest and at the highest speeds, with all that the plan may use.
+    """
+    return min(
+        _rate(arm, plane, model_error, friction_error) for arm, plane in zip(cell.arms, cell.planes, strict=True)
+    )
+
+
+def _rate(arm: Arm, plane: PhasePlane, model_error: float, friction_error: float) -> float:
+    dynamics, n = plane.dynamics, arm.dof
+    held, most = _gravity(arm, dynamics), (1.0 - CONTROL_SHARE) * arm.torque_max
+    dry = dynamics.S[:, :n] - held
+    fastest = np.sqrt(np.maximum(plane.edges.high, 0.0))[:, None]
+    for rate in RATES:
+        worst = np.zeros_like(held)
+        for viscous in (np.zeros_like(held), dynamics.R[:, :n] * fastest):
+            for used in (dynamics.torque_min[:, :n], dynamics.torque_max[:, :n]):
+                body = rate * rate * (used - dynamics.S[:, :n] - viscous) + held
+                rubbing = rate * viscous + dry
+                extra = model_error * body + friction_error * rubbing
+                worst = np.maximum(worst, np.abs(body + rubbing + extra) + OVERSHOOT * np.abs(extra))
+        if (worst <= most).all():
+            return float(rate)
+    return 0.0
 
 
 def _planned(cell: CoordinationCell) -> list[tuple[Arm, PathDynamics, Floats]]:

@@ -19,7 +19,7 @@ from armtempo.envs.coordination.world._disturbance import (
 )
 from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
 from armtempo.envs.coordination.world._entries import COORDINATION_ENTRIES, OTHER, OTHERS, OWN, SIZE
-from armtempo.envs.coordination.world._keeping_up import check_promise, with_auto_reserve
+from armtempo.envs.coordination.world._keeping_up import promised_rate, with_auto_reserve
 from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
 from armtempo.envs.coordination.world._options import MODES, CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.world._simulation import CoordinationSimulation, CoordinationTrace
@@ -53,7 +53,6 @@ __all__ = [
     "World",
     "as_noise",
     "as_range",
-    "check_promise",
     "clearance_of",
     "describe",
     "disturbed_motion",
@@ -64,6 +63,7 @@ __all__ = [
     "ideal_world",
     "length_of",
     "observe",
+    "promised_rate",
     "run_periods",
     "scratch_for",
     "steps_of",

@@ -12,7 +12,7 @@ from armtempo.envs.coordination.world._pace import hardest_tick
 from armtempo.envs.coordination.world._world import World
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell
-from armtempo.planners.cells import build_cell, can_go_slowly, needed_torque_reserve
+from armtempo.planners.cells import build_cell, needed_torque_reserve, rate_that_holds
 
 _LOG = logging.getLogger("armtempo")
 
@@ -69,18 +69,26 @@ def keeps_up(cell: CoordinationCell, options: CoordinationOptions) -> bool:
     return False
 
 
-def check_promise(cell: CoordinationCell, options: CoordinationOptions) -> None:
-    """Refuse a shield over arms that cannot even go slowly along their paths.
+def promised_rate(cell: CoordinationCell, options: CoordinationOptions) -> float:
+    """How fast time may go from the start under a shield, which takes the errors of the options for bounds.
+
+    Feedback alone learns of an error as an arm speeds up; where less torque is left to brake, that is too late.
 
     Raises:
-        InfeasibleError: They cannot.
+        InfeasibleError: However slowly, arms have not the torque for their paths.
     """
-    if not can_go_slowly(cell, options.model_error, options.friction_error):
+    rate = rate_that_holds(cell, options.model_error, options.friction_error)
+    if rate == 0.0:
+        needed = needed_torque_reserve(cell, options.model_error, options.friction_error)
+        none = math.isinf(needed)
         raise InfeasibleError(
             f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little "
-            f"torque to go slowly along its path, and no torque_reserve helps (it has {cell.torque_reserve:.4g})",
-            remedy="make the errors smaller, or limits.torque_nm larger",
+            f"torque for its path, however slowly, with a torque_reserve of {cell.torque_reserve:.4g}",
+            remedy="make the errors smaller, or limits.torque_nm larger: no reserve helps"
+            if none
+            else f"torque_reserve: {_number(needed)} in the cell's file, or auto",
         )
+    return rate
 
 
 def _told(options: CoordinationOptions) -> bool:

@@ -235,6 +235,11 @@ class CoordinationSimulation(Stateful):
         uncertain: Bools = uncertain_arms(self._episodes)[0] | (not self.keeps_up or self.clock < 1.0)
         return uncertain
 
+    def begin_at(self, rate: float) -> None:
+        """Let the clock begin at this rate, if it is not slower anyway, now and in every episode."""
+        self._clock_first = min(self._clock_first, rate)
+        self._episodes.clock[0] = min(self.clock, rate)
+
     @property
     def clock(self) -> float:
         """How fast the references' time goes, at most; below 1 where torques do not suffice, and so ``mu``, too."""
