@@ -11,7 +11,7 @@ from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
-from armtempo.planners.cells._torque_reserve import can_go_slowly, needed_torque_reserve, rate_that_holds
+from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
 __all__ = [
     "OneArmCell",
@@ -34,7 +34,6 @@ __all__ = [
     "TARGET_FAMILIES",
     "TargetFamilyName",
     "as_cell",
-    "can_go_slowly",
     "build_cell",
     "draw_path",
     "draw_target",

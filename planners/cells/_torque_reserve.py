@@ -41,14 +41,6 @@ def needed_torque_reserve(cell: CoordinationCell, model_error: float = 0.0, fric
     return reserve
 
 
-def can_go_slowly(cell: CoordinationCell, model_error: float = 0.0, friction_error: float = 0.0) -> bool:
-    """Whether every arm can go along its path as slowly as it likes: torques at rest, with these errors, suffice.
-
-    Then any motion along the path is possible, if only slowly enough.
-    """
-    return all(_stands(arm, dynamics, model_error, friction_error) for arm, dynamics, _ in _planned(cell))
-
-
 def rate_that_holds(cell: CoordinationCell, model_error: float = 0.0, friction_error: float = 0.0) -> float:
     """The largest rate up to 1 at which any motion within the plan's limits can run with these errors; 0: none.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armtempo.planners import CoordinationCell, build_cell, load_cell
-from armtempo.planners.cells import CONTROL_SHARE, can_go_slowly, needed_torque_reserve
+from armtempo.planners.cells import CONTROL_SHARE, needed_torque_reserve, rate_that_holds
 
 
 def variant(cell: CoordinationCell, **changes: object) -> CoordinationCell:
@@ -48,7 +48,17 @@ def test_arms_that_hardly_hold_themselves_cannot_be_much_heavier(lee1991: Coordi
         held = max(held, float((np.abs(arm.inverse_dynamics(q, 0.0 * q, 0.0 * q)) / arm.torque_max).max()))
     assert 0.2 < held < 0.99
     most = (1.0 - CONTROL_SHARE) / held - 1.0
-    assert can_go_slowly(upright, most - 1e-3)
-    assert not can_go_slowly(upright, most + 1e-3)
-    assert can_go_slowly(lee1991, 10.0)  # nothing to hold across gravity
+    assert 0.0 < rate_that_holds(upright, 0.8 * most) < 0.9
+    assert rate_that_holds(upright, most + 1e-3) == 0.0
     assert needed_torque_reserve(upright, most + 1e-3) == math.inf
+    assert rate_that_holds(lee1991, 10.0) > 0.2  # nothing to hold across gravity
+
+
+def test_the_rate_that_holds_is_that_of_heavier_bodies(lee1991: CoordinationCell) -> None:
+    """Without gravity and friction torques go with the square of the rate: (1 + 1.15 e) rate^2 (1 - reserve) = 0.99."""
+    for reserve in (0.0, 0.05):
+        cell = variant(lee1991, torque_reserve=reserve)
+        for error in (0.05, 0.1):
+            rate = rate_that_holds(cell, error)
+            assert rate == pytest.approx(math.sqrt(0.99 / (1.0 + 1.15 * error) / (1.0 - reserve)), abs=0.0026)
+    assert rate_that_holds(variant(lee1991, torque_reserve=0.04), 0.02) == 1.0
