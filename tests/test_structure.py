@@ -178,6 +178,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/bench/_agents.py",
         "commands/bench/_arms.py",
         "commands/bench/_coordination.py",
+        "commands/bench/_errors.py",
         "commands/figures/_bench.py",
     ),
     "tests/commands/test_train.py": ("commands/_sweep.py",),

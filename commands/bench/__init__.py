@@ -1,4 +1,4 @@
-"""``armtempo bench``: planning methods, their time over the number of arms, and learned agents."""
+"""``armtempo bench``: planning methods, their time over the number of arms, learned agents, heavier arms."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from armtempo.commands.bench._agents import bench_agents
 from armtempo.commands.bench._arms import bench_arms
 from armtempo.commands.bench._coordination import bench_coordination
+from armtempo.commands.bench._errors import bench_errors
 
 __all__ = ["BENCHES", "bench"]
 
@@ -14,10 +15,11 @@ BENCHES: Mapping[str, Callable[..., None]] = {
     "coordination": bench_coordination,
     "arms": bench_arms,
     "agents": bench_agents,
+    "errors": bench_errors,
 }
 """What there is to measure, by name."""
 
 
 def bench() -> None:
-    """Benchmarks: coordination (all methods on a set of cells), arms (planning time over their number), agents."""
+    """Benchmarks: coordination (all methods on a set of cells), arms (time over their number), agents, errors."""
     # for the list of commands; main dispatches the line itself

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self, TypeVar
+import math
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
+    BeforeValidator,
     Field,
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from armtempo.configs.schema._arm import ArmConfig
 from armtempo.configs.schema._base import (
@@ -20,6 +23,24 @@ from armtempo.configs.schema._cell import CellFileConfig
 from armtempo.configs.schema._obstacles import ObstacleConfig
 
 _Named = TypeVar("_Named", ArmConfig, ObstacleConfig)
+
+
+RESERVE_MAX = 0.9
+
+
+def _reserve(value: Any) -> Any:
+    """A share, or ``auto``; numbers are checked here, so that messages do not speak of alternatives."""
+    if value == "auto":
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("float_type", "must be a number or auto")
+    if not math.isfinite(value):
+        raise PydanticKnownError("finite_number")
+    if value < 0.0:
+        raise PydanticKnownError("greater_than_equal", {"ge": 0.0})
+    if value > RESERVE_MAX:
+        raise PydanticKnownError("less_than_equal", {"le": RESERVE_MAX})
+    return value
 
 
 class CellConfig(CellFileConfig):
@@ -35,8 +56,11 @@ class CellConfig(CellFileConfig):
     """
     clearance_reserve_m: NonNegative = 0.0005
     """Planned on top of ``d_min_m``, for what the execution will deviate [m]."""
-    torque_reserve: Annotated[Real, Field(ge=0, le=0.9)] = 0.0
-    """Share of each torque limit that plans leave to the controller, 0 to 0.9."""
+    torque_reserve: Annotated[Real | Literal["auto"], BeforeValidator(_reserve)] = 0.0
+    """Share of each torque limit that plans leave to the controller, 0 to 0.9.
+
+    auto: 0.01, and in environments what their ``model_error`` and ``friction_error`` need.
+    """
     control_period_s: Positive = 0.004
     """Time between two decisions [s], a whole multiple of ``physics_tick_s``."""
     stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._controller import CONTROLLER_GAIN, PHYSICS, Controller, Physics
-from armtempo.envs.bodies._joint_control import joint_torques, tip_of
+from armtempo.envs.bodies._joint_control import clip_torques, joint_demand, joint_torques, tip_of
 from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs.bodies._scene import Scene
 from armtempo.envs.bodies._settling import SETTLED_DISTANCE, Settling
@@ -24,6 +24,8 @@ __all__ = [
     "Simulation",
     "Trace",
     "check_render_mode",
+    "clip_torques",
+    "joint_demand",
     "joint_torques",
     "pybullet",
     "render_modes",

@@ -82,15 +82,32 @@ class Controller(Stateful):
         if self.scene is not None:
             self.scene.put_joints(self.q, self.qd)
 
-    def track(self, joints: Floats) -> None:
-        """One tick in PyBullet towards the references ``joints`` (A, n)."""
-        control(
+    def ask(self, joints: Floats) -> bool:
+        """Work out the torques of one tick towards the references ``joints`` (A, n); whether some are clipped."""
+        return control(
             self._models, self._dofs, joints, self.gain, self.tick, self._measured, self.reference, self._coulomb,
             self._torque_max, self.demand, self.torque,
         )  # fmt: skip
+
+    def shift(self) -> None:
+        """The references before and now of the next tick; what is next is the caller's to fill."""
+        self.reference[0], self.reference[1] = self.reference[1], self.reference[2]
+
+    def act(self) -> None:
+        """Apply ``torque`` for one tick in PyBullet."""
         assert self.scene is not None
         self.scene.apply_torque(self.torque)
         self.scene.read_joints(self.q, self.qd)
+
+    def track(self, joints: Floats) -> None:
+        """One tick in PyBullet towards the references ``joints`` (A, n)."""
+        self.ask(joints)
+        self.act()
+
+    @property
+    def measured(self) -> Floats:
+        """(2, A, n) joint positions and speeds now."""
+        return self._measured
 
     def put(self, q: Floats, torque: Floats, demand: Floats) -> None:
         """Without physics: what is so, all (A, n), where the arms are on their references of now."""

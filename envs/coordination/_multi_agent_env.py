@@ -32,6 +32,7 @@ from armtempo.envs.coordination.world import (
     CoordinationOptions,
     CoordinationSimulation,
     CoordinationTrace,
+    with_auto_reserve,
 )
 from armtempo.errors import ActionError, brief
 from armtempo.planners import CoordinationCell
@@ -148,7 +149,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self._life = Lifecycle(render_mode)
         self.render_mode = render_mode
         self.options = options_of(CoordinationOptions, options, CoordinationEnv)
-        self.cell = as_cell(cell, CoordinationCell)
+        self.cell = with_auto_reserve(as_cell(cell, CoordinationCell), self.options)
         self._episode = Episode(self.cell, self.options, record=record)
         shield, tube_m = self.options.shield, self.options.shield_tube_m
         self._shield = EpisodeShield(self.simulation, tube_m=tube_m) if shield else None

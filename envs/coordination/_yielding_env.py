@@ -20,6 +20,7 @@ from armtempo.envs.coordination.world import (
     CoordinationOptions,
     CoordinationSimulation,
     CoordinationTrace,
+    with_auto_reserve,
 )
 from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.planners import METHODS, CoordinationCell, Execution, execution_of, schedule
@@ -137,7 +138,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     ) -> None:
         super().__init__(render_mode)
         self.options = options_of(CoordinationOptions, options, YieldingEnv)
-        self.cell = as_cell(cell, CoordinationCell)
+        self.cell = with_auto_reserve(as_cell(cell, CoordinationCell), self.options)
         self._own = learner_of(self.cell, learner)
         self._episode = Episode(self.cell, self.options, record=record)
         self.simulation = self._episode.simulation

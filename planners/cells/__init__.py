@@ -6,11 +6,12 @@ from armtempo.planners.cells._arm_from_config import arm_from, located
 from armtempo.planners.cells._blend_cell import PROFILES, BlendCell, ProfileName
 from armtempo.planners.cells._blend_families import PATH_FAMILIES, FamilyName, draw_path
 from armtempo.planners.cells._cell import Cell, CellBase, OneArmCell, Sweep, sweeps_along
-from armtempo.planners.cells._coordination_cell import CoordinationCell
+from armtempo.planners.cells._coordination_cell import CONTROL_SHARE, CoordinationCell
 from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
+from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
 __all__ = [
     "OneArmCell",
@@ -18,6 +19,7 @@ __all__ = [
     "located",
     "BlendCell",
     "CELLS",
+    "CONTROL_SHARE",
     "Cell",
     "CellBase",
     "Sweep",
@@ -37,4 +39,6 @@ __all__ = [
     "draw_target",
     "load_cell",
     "motion_demand",
+    "needed_torque_reserve",
+    "rate_that_holds",
 ]

@@ -72,6 +72,25 @@ def test_bench_tells_other_bounds(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     assert json.loads(capsys.readouterr().out)["other_bounds"] == [other.name]
 
 
+def test_bench_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["bench", "errors", "--cells", "lee1991", "--rings", "0", "--errors", "0.05", "--reserves", "0", "0.1"]
+    assert main([*line, "--episodes", "2", "--json", "errors.json"]) == 0
+    assert "Bodies heavier than planned, under the shield (2 episodes each)" in capsys.readouterr().out
+    runs = json.loads(Path("errors.json").read_text(encoding="utf-8"))["runs"]
+    assert [(run["torque_reserve"], run["model_error"]) for run in runs[::2]] == [
+        (0, 0),
+        (0, 0.05),
+        (0.1, 0),
+        (0.1, 0.05),
+    ]
+    for run in runs:
+        assert run["violations"] == run["not_arrived"] == 0
+        assert max(run["off_path_m"], run["along_path_m"]) < 1e-4
+        assert run["needed_torque_reserve"] == pytest.approx(1.0 - 0.99 / (1.0 + 1.15 * run["model_error"]))
+    assert runs[0]["off_path_m"] < 1e-7 < runs[2]["off_path_m"]
+    assert runs[0]["lost_share"] < runs[2]["lost_share"]
+
+
 def test_bench_arms() -> None:
     assert main(["bench", "arms", "--most", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
     rings = json.loads(Path("arms.json").read_text(encoding="utf-8"))["rings"]

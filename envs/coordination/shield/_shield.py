@@ -28,7 +28,7 @@ from armtempo.envs.coordination.shield._kernels import (
     fill_braked,
     first_orders,
 )
-from armtempo.envs.coordination.world import CoordinationSimulation, World
+from armtempo.envs.coordination.world import CoordinationSimulation, World, promised_rate
 from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
@@ -209,6 +209,10 @@ class Shield(Stateful):
                 arms=tuple(range(len(places))),
             )
 
+    def doubt_all(self) -> None:
+        """From now on any arm may do less than it is told: time goes slower, and periods do not get as far."""
+        self._uncertain[:] = True
+
     def admit(self, lam: Floats, mu: Floats, commands: Floats) -> Floats:
         """(A,) the commands that are let through for the next period; a new array."""
         admit(
@@ -252,6 +256,9 @@ class EpisodeShield(Stateful):
         scripted: See ``Shield``.
         plan: See ``Shield``.
         tube_m: See ``shield_tables``.
+
+    Raises:
+        InfeasibleError: As ``Shield.reset``, or arms not as planned cannot even go slowly along their paths.
     """
 
     changing = ("shield", "_change", "_sum", "_count", "_steps")
@@ -265,6 +272,8 @@ class EpisodeShield(Stateful):
         tube_m: float = 0.0,
     ) -> None:
         self._simulation = simulation
+        if not simulation.keeps_up:
+            simulation.begin_at(promised_rate(simulation.cell, simulation.options))
         self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
         # Plans keep the reserve between two arms: half of it is for each.
         self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
@@ -291,6 +300,8 @@ class EpisodeShield(Stateful):
 
     def commands(self, commands: Floats) -> Floats:
         """(A,) what is let through of the commands for the next period."""
+        if self._simulation.clock < 1.0:
+            self.shield.doubt_all()
         admitted = self.shield.admit(self._simulation.lam, self._simulation.mu, commands)
         self._change = commands - admitted
         self._sum += self._change

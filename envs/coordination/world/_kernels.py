@@ -32,7 +32,7 @@ from armtempo.envs.coordination.world._world import (
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import njit, unlocked
+from armtempo.robots import inlined, njit, unlocked
 
 EPISODES_AT_ONCE = 64  # episodes in one go: what they need stays in the cache
 
@@ -59,11 +59,24 @@ def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
     )
 
 
+@inlined
+def obeyed(world: World, episodes: Episodes, e: int, i: int, command: float) -> float:
+    """What arm i makes of its command in the control period that begins now."""
+    obeyed, now = command * episodes.speed[e, i], episodes.ticks[e] * world.tick
+    for s in range(episodes.stops.shape[2]):
+        if episodes.stops[e, i, s, 0] <= now < episodes.stops[e, i, s, 1]:
+            obeyed = 0.0
+    return obeyed  # type: ignore[no-any-return]
+
+
 @njit
 def move(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Floats, scratch: Scratch
 ) -> None:
-    """One control period of the references of episodes first..last - 1: commands (E, A) as far as arms obey them."""
+    """One control period of the references of episodes first..last - 1: commands (E, A) as far as arms obey them.
+
+    Their time goes as fast as the episode's clock.
+    """
     tick, ticks = world.tick, scratch.places.shape[2]
     for i in range(commands.shape[1]):
         steps = steps_of(world, i)
@@ -72,11 +85,8 @@ def move(
             if not active[e]:
                 continue
             places, speeds = scratch.places[e - first, i], scratch.speeds[e - first, i]
-            lam, mu, now = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e]
-            command, late = commands[e, i] * episodes.speed[e, i], episodes.late[e, i]
-            for s in range(episodes.stops.shape[2]):
-                if episodes.stops[e, i, s, 0] <= now * tick < episodes.stops[e, i, s, 1]:
-                    command = 0.0
+            lam, mu, now, rate = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e], episodes.clock[e]
+            command, late = obeyed(world, episodes, e, i, commands[e, i]), episodes.late[e, i]
             k = 0
             while k < ticks and (lam >= end or (now + k) * tick + tick - late <= 1e-12):  # there, or not yet gone
                 places[k], speeds[k] = lam, mu
@@ -89,21 +99,21 @@ def move(
                     mu,
                     command,
                     world.by_speed,
-                    part,
+                    rate * part,
                     one,
                     places[k : k + 1],
                     speeds[k : k + 1],
                 )
                 if lam >= end:
-                    episodes.arrival[e, i] = late + used
+                    episodes.arrival[e, i] = late + used / rate
                 k += 1
             if k < ticks:
                 began, there = (now + k) * tick, lam >= end
                 lam, mu, used = phase_kernels.advance(
-                    steps, lam, mu, command, world.by_speed, tick, ticks - k, places[k:], speeds[k:]
+                    steps, lam, mu, command, world.by_speed, rate * tick, ticks - k, places[k:], speeds[k:]
                 )
                 if lam >= end and not there:
-                    episodes.arrival[e, i] = began + used
+                    episodes.arrival[e, i] = began + used / rate
             episodes.lam[e, i], episodes.mu[e, i] = lam, mu
 
 

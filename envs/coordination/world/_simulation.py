@@ -24,6 +24,7 @@ from armtempo.envs.coordination.world._disturbance import (
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._entries import OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.envs.coordination.world._kernels import (
     move,
     moved_closer,
@@ -35,6 +36,7 @@ from armtempo.envs.coordination.world._kernels import (
     tracking_error,
 )
 from armtempo.envs.coordination.world._options import CoordinationOptions
+from armtempo.envs.coordination.world._pace import obeyed_commands, pace
 from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
@@ -101,6 +103,9 @@ class CoordinationSimulation(Stateful):
         arrival: (A,) instants of arrival, nan before; in ``bullet`` known once the tip has settled.
         violated: Whether two arms came closer than ``d_min``.
         min_clearance: Smallest clearance so far [m].
+        options: As given.
+        keeps_up: Whether the cell's torque reserve is enough for the errors of the options; where it is not, that is
+            said in the log, and arms are late.
 
     Raises:
         InputError: The cell has no such arm as the one that is disturbed.
@@ -112,7 +117,7 @@ class CoordinationSimulation(Stateful):
     )  # fmt: skip
 
     def __init__(self, cell: CoordinationCell, options: CoordinationOptions, *, record: bool = False) -> None:
-        self.cell, self.physics, self.record = cell, options.physics, record
+        self.cell, self.options, self.physics, self.record = cell, options, options.physics, record
         self._draws = make_draws(cell, options.disturbance, options.start_phase, options.master_late_s)
         self._noise = float(options.observation_noise)
         arms, ticks = len(cell.arms), cell.ticks_per_period
@@ -128,6 +133,7 @@ class CoordinationSimulation(Stateful):
             cell, options.physics, model_error=options.model_error, friction_error=options.friction_error
         )
         self._joints = np.zeros((ticks, *self._q.shape))
+        self._obeyed, self._began, self._motion = np.zeros(arms), np.zeros((3, arms)), np.zeros((3, arms))
         self._starts = self._joints_at(np.zeros(arms))
         self._goals = np.zeros((arms, 3))
         tip_positions(self._world, self._joints_at(self._lengths), self._goals)
@@ -139,6 +145,8 @@ class CoordinationSimulation(Stateful):
         self._tips, self._tips_before = np.zeros((arms, 3)), np.zeros((arms, 3))
         self._settling = Settling(arms)
         self._recorder = Recorder(wanted=record, tick=self._tick)
+        self.keeps_up = keeps_up(cell, options)
+        self._clock_first = first_rate(self._world) if options.physics == "bullet" else 1.0
         self.reset()
 
     def _joints_at(self, lam: Floats) -> Floats:
@@ -173,6 +181,7 @@ class CoordinationSimulation(Stateful):
         if late is not None:
             episodes.late[0] += np.asarray(late, dtype=np.float64)
         self._settling.reset()
+        episodes.clock[0] = self._clock_first
         self._ticks = 0
         self.violated = False
         self._violations = 0
@@ -222,9 +231,19 @@ class CoordinationSimulation(Stateful):
 
     @property
     def uncertain(self) -> Bools:
-        """(A,) arms that may do less than they are told in this episode."""
-        uncertain: Bools = uncertain_arms(self._episodes)[0]
+        """(A,) arms that may do less than they are told in this episode: all, where the clock may go slower."""
+        uncertain: Bools = uncertain_arms(self._episodes)[0] | (not self.keeps_up or self.clock < 1.0)
         return uncertain
+
+    def begin_at(self, rate: float) -> None:
+        """Let the clock begin at this rate, if it is not slower anyway, now and in every episode."""
+        self._clock_first = min(self._clock_first, rate)
+        self._episodes.clock[0] = min(self.clock, rate)
+
+    @property
+    def clock(self) -> float:
+        """How fast the references' time goes, at most; below 1 where torques do not suffice, and so ``mu``, too."""
+        return float(self._episodes.clock[0])
 
     def tracking_error(self) -> Floats:
         """(A,) how far the tips are from their references now [m]."""
@@ -232,6 +251,23 @@ class CoordinationSimulation(Stateful):
         if self.physics == "bullet":
             tracking_error(self._world, self.lam, self._q, error)
         return error
+
+    def path_errors(self) -> tuple[Floats, Floats]:
+        """(A,) how far the tips are off their paths now, and along them from their references [m]; to first order."""
+        off, along = np.zeros(self.arms), np.zeros(self.arms)
+        for i, (arm, path) in enumerate(zip(self.cell.arms, self.cell.paths, strict=True)):
+            wanted, slope, _ = path.evaluate(self.lam[i])
+            error = (arm.tip_pose(self.joint_positions()[i, : arm.dof]) - arm.tip_pose(wanted))[:3, 3]
+            direction = arm.jacobian(wanted)[:3] @ slope
+            length = float(np.linalg.norm(direction))
+            along[i] = abs(error @ direction) / length if length > 0.0 else 0.0
+            off[i] = math.sqrt(max(float(error @ error) - along[i] ** 2, 0.0))
+        return off, along
+
+    @property
+    def clipped(self) -> bool:
+        """Whether torques were, in the last tick."""
+        return self._controller.clipped
 
     @property
     def arms(self) -> int:
@@ -289,22 +325,55 @@ class CoordinationSimulation(Stateful):
             )
 
     def _step_bullet(self, commands: Floats) -> None:
-        """The references of the period are those of ``ideal``; the arms follow them tick by tick."""
-        episodes, scratch = self._episodes, self._scratch
+        """The references of the period are those of ``ideal``, as fast as the clock; the arms follow tick by tick.
+
+        From the first tick with a torque that does not suffice the rest of the period is worked out tick by tick.
+        """
+        episodes, scratch, controller = self._episodes, self._scratch, self._controller
+        began, rate, planned = self._began, self.clock, True
+        began[0], began[1], began[2] = self.lam, self.mu, episodes.arrival[0]
         move(self._world, episodes, 0, 1, self._active, commands, scratch)
         reference_joints(self._world, scratch.places[0], self._joints)
         for k, joints in enumerate(self._joints):
-            self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
-            self._tick_bullet(joints)
+            if planned and controller.ask(joints):
+                planned = False
+                obeyed_commands(self._world, episodes, commands, self._obeyed)
+                self._go_back(k)
+                rate = self._pace()
+            elif planned:
+                self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
+            else:
+                controller.shift()
+                rate = self._pace()
+            self._tick_bullet(rate)
             if self.violated:
                 episodes.violated[0] = True
                 break
         episodes.ticks[0] = self._ticks
         episodes.steps[0] += 1
 
-    def _tick_bullet(self, joints: Floats) -> None:
-        """One tick towards the references ``joints`` (A, n)."""
-        self._controller.track(joints)
+    def _go_back(self, k: int) -> None:
+        """The references are where they were at the begin of tick k of the period."""
+        episodes, scratch, began = self._episodes, self._scratch, self._began
+        if k:
+            began[0], began[1] = scratch.places[0, :, k - 1], scratch.speeds[0, :, k - 1]
+        not_yet = ~(episodes.arrival[0] <= self.time + 1e-12)
+        self.lam[:], self.mu[:], episodes.arrival[0, not_yet] = began[0], began[1], began[2, not_yet]
+
+    def _pace(self) -> float:
+        """The references of one tick, and the torques, at the rate at which torques suffice; the rate."""
+        episodes, controller = self._episodes, self._controller
+        episodes.ticks[0] = self._ticks
+        rate = pace(
+            self._world, episodes, self._obeyed, controller.gain, controller.measured, controller.reference,
+            controller.demand, controller.torque, self._motion,
+        )  # fmt: skip
+        self.lam[:], self.mu[:], episodes.arrival[0] = self._motion
+        return rate
+
+    def _tick_bullet(self, rate: float) -> None:
+        """One tick with the torques that are worked out."""
+        self._controller.act()
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
@@ -314,7 +383,7 @@ class CoordinationSimulation(Stateful):
         if (self._episodes.arrival[0] <= self.time + 1e-12).any():
             self._settle()
         if self.record:
-            self._keep(nearest, self.tracking_error())
+            self._keep(nearest, self.tracking_error(), rate)
 
     def _settle(self) -> None:
         """Whether arms whose references have ended are where they are to be."""
@@ -325,9 +394,10 @@ class CoordinationSimulation(Stateful):
         distance = np.linalg.norm(self._tips - self._goals, axis=1)
         self._settling.watch(self.time, self._episodes.arrival[0], distance, speed)
 
-    def _keep(self, nearest: float, path_error: Floats) -> None:
+    def _keep(self, nearest: float, path_error: Floats, rate: float = 1.0) -> None:
         """A row of the trace; joints and torques without physics follow from the others."""
-        known: dict[str, ArrayLike] = {"lam": self.lam, "mu": self.mu, "clearance": nearest, "path_error": path_error}
+        lam, mu = self.lam, rate * self.mu
+        known: dict[str, ArrayLike] = {"lam": lam, "mu": mu, "clearance": nearest, "path_error": path_error}
         if self.physics == "ideal":
             self._recorder.add(**known)
         else:

@@ -61,6 +61,7 @@ class Episodes(NamedTuple):
     stops: Floats  # (E, A, S, 2) when it brakes instead [s]: from, until
     rewarded: Floats  # (E, A) place at the last reward
     charged: Floats  # (E, A) instant at the last reward [s]
+    clock: Floats  # (E,) how fast the time of the references goes, at most; 1 but where torques do not follow
 
 
 def make_episodes(count: int, arms: int, stops: int) -> Episodes:
@@ -75,6 +76,7 @@ def make_episodes(count: int, arms: int, stops: int) -> Episodes:
         violated=np.zeros(count, dtype=np.bool_), smallest=np.full(count, np.inf),
         key=np.zeros(count, dtype=np.uint64), number=np.full(count, -1, dtype=np.int64),
         late=each(), speed=each(1.0), stops=np.zeros((count, arms, stops, 2)), rewarded=each(), charged=each(),
+        clock=np.ones(count),
     )  # fmt: skip
 
 

@@ -201,6 +201,13 @@ BAD: dict[str, tuple[Edit, str, str]] = {
         "physics_tick_s",
         "must be greater than or equal to 0.00001, got 0 (Step of the simulation",
     ),
+    "no reserve": (top({"torque_reserve": "Auto"}), "torque_reserve", "must be a number or auto, got 'Auto' ("),
+    "true reserve": (top({"torque_reserve": True}), "torque_reserve", "must be a number or auto, got True ("),
+    "reserve below 0": (
+        top({"torque_reserve": -0.1}),
+        "torque_reserve",
+        "must be greater than or equal to 0, got -0.1 (",
+    ),
     "all torque reserved": (top({"torque_reserve": 1}), "torque_reserve", "must be less than or equal to 0.9, got 1 ("),
     "period": (
         top({"control_period_s": 0.0045}),

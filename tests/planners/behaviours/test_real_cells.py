@@ -60,7 +60,7 @@ def test_fastest_motions_keep_every_limit(cell: CoordinationCell) -> None:
         assert (np.abs(qd) <= arm.speed_max * 1.001).all()
         assert (np.abs(qdd) <= arm.acceleration_max * 1.001).all()
         torque = arm.inverse_dynamics(q, qd, qdd)
-        assert (np.abs(torque) <= (1.0 - cell.config.torque_reserve) * arm.torque_max * 1.001).all()
+        assert (np.abs(torque) <= (1.0 - cell.torque_reserve) * arm.torque_max * 1.001).all()
 
 
 def panda_pair() -> dict[str, Any]:
