@@ -82,7 +82,8 @@ def read_seed(seed: object, what: str = "seed") -> int | None:
 def check_time_limit(max_episode_s: float | None) -> None:
     """Raise InputError unless it is a time [s], or None."""
     if max_episode_s is not None and not (is_number(max_episode_s) and max_episode_s > 0.0):
-        raise InputError(f"max_episode_s must be positive, got {brief(max_episode_s)}", remedy="give seconds, or None")
+        what = f"max_episode_s must be positive, got {brief(max_episode_s)}"
+        raise InputError(what, remedy=f"give seconds, {MOST_MAGNITUDE:g} at most, or None")
 
 
 def check_bodies(physics: str, **errors: float) -> None:

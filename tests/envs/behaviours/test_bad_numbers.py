@@ -54,13 +54,13 @@ def test_joints_that_are_nan_in_physics_are_an_error(
     env = CoordinationEnv(lee1991, physics="bullet")
     env.reset(seed=0)
     simulation: Any = env.simulation
-    track = simulation._controller.track
+    act = simulation._controller.act
 
-    def lost(joints: Any) -> None:
-        track(joints)
+    def lost() -> None:
+        act()
         simulation._q[:] = np.nan
 
-    monkeypatch.setattr(simulation._controller, "track", lost)
+    monkeypatch.setattr(simulation._controller, "act", lost)
     with pytest.raises(RobotError, match="joint positions are not finite"):
         env.step({agent: np.ones(1, np.float32) for agent in env.agents})
     env.close()

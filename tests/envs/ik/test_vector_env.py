@@ -199,7 +199,7 @@ def test_closed_environments_say_so(chung: IKCell) -> None:
         env.reset()
 
 
-@pytest.mark.parametrize("limit", [1e-10, 1e300])
+@pytest.mark.parametrize("limit", [1e-10, 1e9])
 def test_the_shortest_and_the_longest_time_limit(chung: IKCell, limit: float) -> None:
     """One control period at least, as in a single environment."""
     many = FeedbackIKVectorEnv(1, chung, max_episode_s=limit)
