@@ -125,6 +125,7 @@ def test_a_private_folder_is_nobody_elses(monkeypatch: pytest.MonkeyPatch, tmp_p
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     make = private_folder.__wrapped__
     folder = make()
+    assert folder is not None
     assert folder == tmp_path / f"armtempo-{os.getuid()}"
     assert folder.stat().st_mode & 0o777 == 0o700
     assert make() == folder

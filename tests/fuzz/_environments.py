@@ -164,11 +164,12 @@ class EnvironmentFuzzer:
         spoilt = isinstance(action, tuple) and len(action) == 2 and action[0] == "spoilt"
         if action is not None and not spoilt:
             return action
+        last = 0.5 if action is None else action[1]
         if self._parallel:
-            return {agent: np.full(1, action[1] if spoilt else 0.5) for agent in env.agents}
+            return {agent: np.full(1, last) for agent in env.agents}
         good = np.zeros(env.action_space.shape)
         if spoilt:
-            good.reshape(-1)[-1] = action[1]
+            good.reshape(-1)[-1] = last
         return good
 
     def _check(self, env: Any, observations: Any) -> None:

@@ -167,7 +167,7 @@ def urdf_files(folder: Path) -> FileFuzzer:
     ]
     robot = _WITH_MESHES.encode()
     seeds += [Seed("robot.urdf", robot, damaged_xml)] * 2
-    box = trimesh.creation.box((0.1, 0.1, 0.3))
+    box: Any = trimesh.creation.box((0.1, 0.1, 0.3))
     meshes = {"bar.stl": box.export(file_type="stl"), "bar.obj": box.export(file_type="obj").encode()}
     for name, data in meshes.items():
         (folder / name).write_bytes(data)

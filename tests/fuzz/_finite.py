@@ -50,7 +50,7 @@ def _inside(value: object) -> Iterator[tuple[str, object]]:
     elif isinstance(value, Mapping):
         yield from ((str(key), inner) for key, inner in value.items())
     elif isinstance(value, tuple) and hasattr(value, "_fields"):
-        yield from zip(value._fields, value, strict=True)
+        yield from zip(getattr(value, "_fields"), value, strict=True)  # noqa: B009 (tuples have none)
     elif isinstance(value, tuple | list):
         yield from ((str(k), inner) for k, inner in enumerate(value))
 

@@ -43,12 +43,15 @@ class Fuzzer(Protocol):
 
     def make(self, random: np.random.Generator) -> Any:
         """An input."""
+        ...
 
     def run(self, given: Any) -> bool:
         """Whether it is accepted; raises what it raises."""
+        ...
 
     def shown(self, given: Any) -> bytes:
         """The input as the content of a file."""
+        ...
 
 
 class Hang(BaseException):

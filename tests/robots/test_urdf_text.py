@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +16,8 @@ from armtempo.arrays import Floats
 from armtempo.configs import data_path
 from armtempo.robots import Arm, Tool, principal_moments, urdf_text
 from armtempo.robots._urdf_text import _rpy
+
+pin: Any = importlib.import_module("pinocchio")  # without types of its own
 
 FILES = ("planar_two_link.urdf", "puma560.urdf", "scara_800.urdf", "ur5e_like.urdf")
 
@@ -39,14 +42,14 @@ def test_read_back_it_is_the_same_arm(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_pinocchio_reads_the_same_dynamics(name: str) -> None:
     arm, random = _arm(name), np.random.default_rng(0)
-    model = pinocchio.buildModelFromXML(urdf_text(arm))
+    model = pin.buildModelFromXML(urdf_text(arm))
     data = model.createData()
     for _ in range(5):
         q, qd, qdd = random.uniform(-2.0, 2.0, (3, arm.dof))
         theirs = np.concatenate(
             [[x] if slides else [np.cos(x), np.sin(x)] for x, slides in zip(q, arm.model.prismatic, strict=True)]
         )
-        torque = pinocchio.rnea(model, data, theirs, qd, qdd)
+        torque = pin.rnea(model, data, theirs, qd, qdd)
         np.testing.assert_allclose(arm.inverse_dynamics(q, qd, qdd, friction=False), torque, atol=1e-12 * 1e3)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -79,7 +80,7 @@ CORE = {  # YAML 1.2's core schema
 
 @pytest.mark.parametrize("text", CORE)
 def test_plain_values_are_those_of_yaml_1_2(text: str) -> None:
-    value = parse_yaml(f"a: {text}", FILE)
+    value: Any = parse_yaml(f"a: {text}", FILE)
     assert value == {"a": CORE[text]}
     assert type(value["a"]) is type(CORE[text])
 

@@ -57,15 +57,17 @@ OPTIONS = {
 
 @pytest.fixture
 def make(kind: str, lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCell) -> Make:
+    one: dict[str, Any] = {"physics": "ideal"}
+    two: dict[str, Any] = {"num_envs": 2}
     makers: dict[str, Make] = {
-        "yielding": lambda **k: YieldingEnv(lee1991, **{"physics": "ideal", **k}),
-        "coordination": lambda **k: CoordinationEnv(lee1991, **{"physics": "ideal", **k}),
-        "blend": lambda **k: BlendTrackingEnv(lee2006, **{"physics": "ideal", **k}),
-        "ik": lambda **k: FeedbackIKEnv(chung, **{"physics": "ideal", **k}),
-        "yielding-many": lambda **k: YieldingVectorEnv(**{"num_envs": 2, **k}, cell=lee1991),
+        "yielding": lambda **k: YieldingEnv(lee1991, **{**one, **k}),
+        "coordination": lambda **k: CoordinationEnv(lee1991, **{**one, **k}),
+        "blend": lambda **k: BlendTrackingEnv(lee2006, **{**one, **k}),
+        "ik": lambda **k: FeedbackIKEnv(chung, **{**one, **k}),
+        "yielding-many": lambda **k: YieldingVectorEnv(**{**two, **k}, cell=lee1991),
         "coordination-many": lambda **k: CoordinationVectorEnv(lee1991, 2, **k),
-        "blend-many": lambda **k: BlendTrackingVectorEnv(**{"num_envs": 2, **k}, cell=lee2006),
-        "ik-many": lambda **k: FeedbackIKVectorEnv(**{"num_envs": 2, **k}, cell=chung),
+        "blend-many": lambda **k: BlendTrackingVectorEnv(**{**two, **k}, cell=lee2006),
+        "ik-many": lambda **k: FeedbackIKVectorEnv(**{**two, **k}, cell=chung),
     }
     return makers[kind]
 
@@ -120,7 +122,7 @@ def test_actions_that_are_none(kind: str, make: Make) -> None:
 
 @pytest.mark.parametrize("wrapper", [ShieldWrapper, ShieldParallelWrapper])
 def test_shields_in_front_complain_as_environments_do(wrapper: Any, lee1991: CoordinationCell) -> None:
-    kind = YieldingEnv if wrapper is ShieldWrapper else CoordinationEnv
+    kind: Any = YieldingEnv if wrapper is ShieldWrapper else CoordinationEnv
     wrapped = wrapper(kind(lee1991, physics="ideal"))
     wrapped.reset(seed=0)
     refuse(wrapped.step, [None, {}, "x", NESTED, np.array([np.nan]), [1, [2]]])

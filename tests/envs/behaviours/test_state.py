@@ -152,12 +152,13 @@ def _any_action(env: Any) -> Any:
 
 def test_another_process_goes_on_with_the_same_bits() -> None:
     """A pickled environment, and a state for one that is made there; with dry friction, which PyBullet solves for."""
+    ways: list[tuple[Any, dict[str, Any]]] = [
+        (CoordinationEnv, {"cell": "panda-pair", "shield": True, "friction_error": 0.1}),
+        (BlendTrackingEnv, {"family": "zigzag"}),
+        (FeedbackIKEnv, {"family": "near-singular", "model_error": 0.02}),
+    ]
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        for kind, options in (
-            (CoordinationEnv, {"cell": "panda-pair", "shield": True, "friction_error": 0.1}),
-            (BlendTrackingEnv, {"family": "zigzag"}),
-            (FeedbackIKEnv, {"family": "near-singular", "model_error": 0.02}),
-        ):
+        for kind, options in ways:
             env = kind(physics="bullet", **options)
             env.reset(seed=2)
             run(env, 4)

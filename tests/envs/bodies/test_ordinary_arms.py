@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio
 import pybullet_data
 import pytest
 import yaml
@@ -20,6 +20,8 @@ from armtempo.envs.bodies import Scene
 from armtempo.errors import RobotError
 from armtempo.planners import load_cell
 from armtempo.robots import Arm
+
+pin: Any = importlib.import_module("pinocchio")  # without types of its own
 
 PYBULLET = Path(pybullet_data.getDataPath())
 EXAMPLES = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")))
@@ -113,24 +115,24 @@ def test_the_planner_reads_the_file_as_pinocchio_does(file: File, arm: Arm) -> N
         with pytest.raises(RobotError, match="which no body can have"):
             Arm.from_urdf(file.urdf, tip_link=file.tip)
         return
-    whole = pinocchio.buildModelFromUrdf(str(file.urdf))
+    whole = pin.buildModelFromUrdf(str(file.urdf))
     locked = [j for j, name in enumerate(whole.names) if j and name not in arm.joint_names]
-    model = pinocchio.buildReducedModel(whole, locked, pinocchio.neutral(whole)) if locked else whole
+    model = pin.buildReducedModel(whole, locked, pin.neutral(whole)) if locked else whole
     model.gravity.linear = BASE[:3, :3].T @ np.array(GRAVITY)
     data, random = model.createData(), np.random.default_rng(1)
     order = [model.getJointId(name) for name in arm.joint_names]
     speed_of = [model.joints[j].idx_v for j in order]
     for _ in range(5):
         q, qd, qdd = random.uniform(-2.0, 2.0, (3, arm.dof))
-        theirs, speeds, accelerations = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+        theirs, speeds, accelerations = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
         for value, j in zip(q, order, strict=True):
             k = model.joints[j].idx_q
             theirs[k : k + model.joints[j].nq] = value if model.joints[j].nq == 1 else (np.cos(value), np.sin(value))
         speeds[speed_of], accelerations[speed_of] = qd, qdd
-        torque = pinocchio.rnea(model, data, theirs, speeds, accelerations)[speed_of]
+        torque = pin.rnea(model, data, theirs, speeds, accelerations)[speed_of]
         ours = arm.inverse_dynamics(q, qd, qdd, friction=False)
         np.testing.assert_allclose(ours, torque, atol=1e-9 * np.abs(torque).max())
-        pinocchio.framesForwardKinematics(model, data, theirs)
+        pin.framesForwardKinematics(model, data, theirs)
         tip = data.oMf[model.getFrameId(arm.tip_link)]
         np.testing.assert_allclose(arm.tip_pose(q), BASE @ tip.homogeneous, atol=1e-12)
 
