@@ -71,6 +71,8 @@ class Scene:
             raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
         self.hardware = egl and _load_egl(self.client)
         self.joints = [list(range(arm.dof)) for arm in cell.arms]
+        width = max(map(len, self.joints))
+        self._padding = [[0.0] * (width - len(joints)) for joints in self.joints]
         pybullet.setGravity(*cell.gravity, physicsClientId=self.client)
         rubs = any(arm.coulomb.any() for arm in cell.arms)
         pybullet.setPhysicsEngineParameter(
@@ -188,10 +190,12 @@ class Scene:
 
     def read_joints(self, q: Floats, qd: Floats) -> None:
         """Write positions and speeds of all arms to ``q``, ``qd`` (A, n)."""
-        for body, joints, places, speeds in zip(self.bodies, self.joints, q, qd, strict=True):
+        places, speeds = [], []
+        for body, joints, none in zip(self.bodies, self.joints, self._padding, strict=True):
             states = pybullet.getJointStates(body, joints, physicsClientId=self.client)
-            places[: len(joints)] = [state[0] for state in states]
-            speeds[: len(joints)] = [state[1] for state in states]
+            places.append([state[0] for state in states] + none)
+            speeds.append([state[1] for state in states] + none)
+        q[:], qd[:] = places, speeds
 
     def apply_torque(self, torque: Floats) -> None:
         """Apply ``torque`` (A, n) for the next step and make it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable
 from functools import partial
@@ -24,10 +25,10 @@ from armtempo.envs import (
     Physics,
     YieldingEnv,
 )
-from armtempo.envs.bodies._scene import Scene
 from armtempo.planners import BlendCell, CoordinationCell, IKCell, build_cell
 
 RESET_MS = 2.0
+COPY_MS, STATE_MS = 20.0, 1.0  # a deep copy in PyBullet, and set_state
 BATCH, BATCH_PER_S = 4096, 1e6  # episodes; agent steps of 10 ticks per second on two cores
 SINGLE_PER_S = 1e4
 BARE_RATIO = 2.0
@@ -52,13 +53,29 @@ def _seconds_per_step(env: YieldingEnv, steps: int) -> float:
     return (time.perf_counter() - began) / steps
 
 
-def _bare_loop(scene: Scene, ticks: int) -> float:
+def _bare_client(cell: CoordinationCell) -> tuple[int, list[int]]:
+    """What anyone would load: the robots' own files, without default motors. The client and the bodies."""
+    client = pybullet.connect(pybullet.DIRECT)
+    pybullet.setTimeStep(cell.physics_tick, physicsClientId=client)
+    pybullet.setPhysicsEngineParameter(numSolverIterations=10, physicsClientId=client)
+    bodies = []
+    for arm, path in zip(cell.arms, cell.paths, strict=True):
+        place = arm.T_world_base[:3, 3].tolist()
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        body = pybullet.loadURDF(str(arm.urdf), place, useFixedBase=True, flags=flags, physicsClientId=client)
+        for joint, value in enumerate(path.evaluate(0.0)[0].tolist()):
+            pybullet.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client)
+            pybullet.resetJointState(body, joint, value, physicsClientId=client)
+        bodies.append(body)
+    return client, bodies
+
+
+def _bare_loop(client: int, bodies: list[int], ticks: int) -> float:
     """What anyone would write: states, PD and inverse dynamics, torques, step; no clearance, no path, no record."""
-    client = scene.client
-    goal = [np.zeros(len(joints)) for joints in scene.joints]
+    joints, wanted = [0, 1], np.zeros(2)
     began = time.perf_counter()
     for _ in range(ticks):
-        for body, joints, wanted in zip(scene.bodies, scene.joints, goal, strict=True):
+        for body in bodies:
             states = pybullet.getJointStates(body, joints, physicsClientId=client)
             q = np.array([state[0] for state in states])
             qd = np.array([state[1] for state in states])
@@ -92,6 +109,27 @@ def test_reset(benchmark: BenchmarkFixture, lee1991: CoordinationCell, physics: 
         assert benchmark.stats["median"] < RESET_MS * 1e-3
     finally:
         env.close()
+
+
+def test_copies_and_states(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
+    env = CoordinationEnv(lee1991, physics="bullet", shield=True)
+    env.reset(seed=0)
+    state = env.get_state()
+    seconds = np.empty((30, 2))
+    for row in seconds:
+        began = time.perf_counter()
+        copied = copy.deepcopy(env)
+        row[0] = time.perf_counter() - began
+        copied.close()
+        began = time.perf_counter()
+        env.set_state(state)
+        row[1] = time.perf_counter() - began
+    env.close()
+    copying, setting = 1e3 * np.median(seconds, axis=0)
+    with capsys.disabled():
+        print(f"\ndeep copy {copying:.1f} ms, set_state {setting:.2f} ms")  # noqa: T201
+    assert copying < COPY_MS
+    assert setting < STATE_MS
 
 
 @pytest.mark.parametrize("physics", ["bullet", "ideal"])
@@ -152,18 +190,18 @@ def test_feedback_ik_steps_per_second(
 
 
 def test_bullet_against_a_bare_loop(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:
-    env, scene = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE), Scene(lee1991)
+    env, (client, bodies) = YieldingEnv(lee1991, physics="bullet", master_late_s=LATE), _bare_client(lee1991)
     try:
-        start = np.array([path.evaluate(0.0)[0] for path in lee1991.paths])
-        scene.put_joints(start, np.zeros_like(start))
         ticks = lee1991.ticks_per_period
-        ours, bare, ratio = _ratio(lambda: _seconds_per_step(env, 150) / ticks, lambda: _bare_loop(scene, 150 * ticks))
+        ours, bare, ratio = _ratio(
+            lambda: _seconds_per_step(env, 150) / ticks, lambda: _bare_loop(client, bodies, 150 * ticks)
+        )
         with capsys.disabled():
             print(f"\nbullet: {ours * 1e6:.0f} us a tick, bare loop {bare * 1e6:.0f} us, ratio {ratio:.2f}")  # noqa: T201
         assert ratio <= BARE_RATIO
     finally:
         env.close()
-        scene.close()
+        pybullet.disconnect(client)
 
 
 def test_ideal_against_bullet(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,7 +128,7 @@ class CoordinationSimulation(Stateful):
         self._active = np.ones(1, dtype=np.bool_)
         self._unused = np.zeros((1, arms)), np.zeros((1, arms), dtype=np.bool_), np.zeros((1, arms), dtype=np.bool_)
         self._tick, self._d_min = cell.physics_tick, cell.d_min  # kept: the configuration behind them is slow to ask
-        self._lengths = np.array([path.length for path in cell.paths])
+        self._lengths, self._alone = np.array([path.length for path in cell.paths]), arms < 2
         self._controller = Controller(
             cell, options.physics, model_error=options.model_error, friction_error=options.friction_error
         )
@@ -285,14 +285,15 @@ class CoordinationSimulation(Stateful):
         Nothing is asked while the last answer minus what the arms have moved since stays above ``cutoff``, unless it
         is recorded: a trace is to show the distance, not such a bound.
         """
-        if self.arms < 2:
+        if self._alone:
             return math.inf
+        now = self._controller.q
         if cutoff < math.inf and not self.record:
-            bound = float(self._distance_asked - moved_closer(self._q_asked, self._q, self._lever))
+            bound = float(self._distance_asked - moved_closer(self._q_asked, now, self._lever))
             if bound >= cutoff:
                 return bound
-        q = [row[: arm.dof] for row, arm in zip(self._q, self.cell.arms, strict=True)]
-        self._q_asked[:] = self._q
+        q = [row[: arm.dof] for row, arm in zip(now, self.cell.arms, strict=True)]
+        self._q_asked[:] = now
         self._distance_asked = self.cell.clearance.arms(q, cutoff).distance
         return self._distance_asked
 
@@ -334,21 +335,25 @@ class CoordinationSimulation(Stateful):
         began[0], began[1], began[2] = self.lam, self.mu, episodes.arrival[0]
         move(self._world, episodes, 0, 1, self._active, commands, scratch)
         reference_joints(self._world, scratch.places[0], self._joints)
+        self._first_end = float(np.fmin.reduce(episodes.arrival[0]))
+        k = 0
         for k, joints in enumerate(self._joints):
             if planned and controller.ask(joints):
                 planned = False
                 obeyed_commands(self._world, episodes, commands, self._obeyed)
                 self._go_back(k)
                 rate = self._pace()
-            elif planned:
-                self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
-            else:
+            elif not planned:
                 controller.shift()
                 rate = self._pace()
+            elif self.record:
+                self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
             self._tick_bullet(rate)
             if self.violated:
                 episodes.violated[0] = True
                 break
+        if planned:
+            self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
         episodes.ticks[0] = self._ticks
         episodes.steps[0] += 1
 
@@ -369,6 +374,7 @@ class CoordinationSimulation(Stateful):
             controller.demand, controller.torque, self._motion,
         )  # fmt: skip
         self.lam[:], self.mu[:], episodes.arrival[0] = self._motion
+        self._first_end = float(np.fmin.reduce(episodes.arrival[0]))
         return rate
 
     def _tick_bullet(self, rate: float) -> None:
@@ -380,7 +386,7 @@ class CoordinationSimulation(Stateful):
         if not nearest >= self._d_min:
             self.violated = True
             self._violations += 1
-        if (self._episodes.arrival[0] <= self.time + 1e-12).any():
+        if self._first_end <= self.time + 1e-12:
             self._settle()
         if self.record:
             self._keep(nearest, self.tracking_error(), rate)
