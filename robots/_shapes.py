@@ -309,7 +309,10 @@ def load_triangles(file: Path, *, element: str) -> tuple[Floats, Ints]:
         mesh = trimesh.load_mesh(str(file), process=False)
         if not len(mesh.faces):
             raise ValueError("it has no triangles")
-        return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+        vertices, faces = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+        if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError("points of its triangles are missing or not finite")
+        return vertices, faces
     except Exception as error:
         raise RobotError(
             f"{element}: cannot read the mesh {str(file)!r}: {error or type(error).__name__}",

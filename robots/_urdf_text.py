@@ -40,6 +40,7 @@ def urdf_text(arm: Arm, visuals: Sequence[Visual] = ()) -> str:
         # No range (lower > upper): PyBullet would stop slides at 0 without one.
         ET.SubElement(joint, "limit", lower="1", upper="-1", effort=f"{UNLIMITED}", velocity=f"{UNLIMITED}")
         parent = f"link_{i}"
+    ET.indent(robot)  # PyBullet reads lines of 8 KB at most, and damages longer ones
     return ET.tostring(robot, encoding="unicode")
 
 

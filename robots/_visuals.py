@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, final
+from typing import final
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,8 +21,6 @@ from armtempo.robots._urdf import UrdfReader
 
 __all__ = ["Visual", "read_visuals"]
 
-DRAWABLE: Final = (".obj", ".stl", ".dae")
-"""Mesh files that every renderer of robots reads."""
 _LOG = logging.getLogger("armtempo")
 
 
@@ -40,11 +38,11 @@ class Visual:
     size: tuple[float, ...] = ()
     """As ``Shape.size`` [m]; mesh: the scale of its three axes."""
     mesh: Path | None = None
-    """mesh: its file, one of ``DRAWABLE``."""
+    """mesh: an OBJ file, written here: a damaged one of the user's would end PyBullet's process."""
 
 
 def read_visuals(arm: Arm, folder: Path) -> tuple[Visual, ...]:
-    """What to draw of an arm. Meshes that renderers may not know are written to ``folder`` as OBJ files.
+    """What to draw of an arm. Meshes of any format are read here, and written to ``folder`` as OBJ files.
 
     A link whose visuals cannot be read is drawn as its collision shapes, and so is the whole arm where its URDF is
     gone; both are logged. A link that has none is, too. No picture fails for want of a mesh.
@@ -80,7 +78,7 @@ class _Meshes:
     def write(self, vertices: Floats, faces: Ints) -> Path:
         self._count += 1
         file = self._folder / f"{self._count}.obj"
-        trimesh.Trimesh(vertices, faces).export(file)
+        trimesh.Trimesh(vertices, faces).export(file, include_normals=True)
         return file
 
 
@@ -104,10 +102,9 @@ def _of_elements(
             T_shape = T @ _origin(element.find("origin"))
             if kind == "mesh":
                 file = reader.mesh_file(name, given.get("filename", ""))
-                if file.suffix.lower() not in DRAWABLE:
-                    file = meshes.write(*load_triangles(file, element=f"{reader.file}: link {name!r}"))
+                mesh = meshes.write(*load_triangles(file, element=f"{reader.file}: link {name!r}"))
                 scale = np.broadcast_to(_numbers(given.get("scale", "1"), (1, 3)), 3).tolist()
-                yield Visual(link=link, kind="mesh", T_link_shape=T_shape, size=tuple(scale), mesh=file.resolve())
+                yield Visual(link=link, kind="mesh", T_link_shape=T_shape, size=tuple(scale), mesh=mesh)
             else:
                 names = SIZE_NAMES[kind]
                 text = given["size"] if kind == "box" else " ".join(given[one] for one in names)

@@ -11,6 +11,7 @@ from armtempo.arrays import Floats
 from armtempo.envs.bodies._damping import check_damping
 from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.envs.bodies._scene import Scene
+from armtempo.errors import InputError
 from armtempo.planners import Cell
 from armtempo.state import Stateful
 
@@ -18,6 +19,7 @@ Physics = Literal["bullet", "ideal"]
 PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
 
 CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
+STABLE_SHARE = 0.9  # of the gain at which it becomes unstable: what is allowed
 
 
 @final
@@ -57,8 +59,9 @@ class Controller(Stateful):
         self._coulomb, self._torque_max = np.zeros((arms, width)), np.zeros((arms, width))
         for i, arm in enumerate(cell.arms):
             self._coulomb[i, : arm.dof], self._torque_max[i, : arm.dof] = arm.coulomb, arm.torque_max
-        self.scene = None
+        self.scene: Scene | None = None
         if physics == "bullet":
+            _check_weight(model_error)
             check_damping(cell, (1.0 + friction_error) / (1.0 + model_error))
             self.scene = Scene(cell, model_error=model_error, friction_error=friction_error)
 
@@ -128,3 +131,17 @@ class Controller(Stateful):
         """Leave PyBullet; may be called twice."""
         if self.scene is not None:
             self.scene.close()
+
+
+def _check_weight(model_error: float) -> None:
+    """Raise InputError where bodies are so light that the controllers' feedback, a tick late, makes errors grow.
+
+    With ``G`` their gain times the tick and ``k = 1 / (1 + model_error)`` errors obey ``x'' - (2 - k (G^2 + 2 G)) x' +
+    (1 - 2 k G) x = 0`` from tick to tick, which is stable for ``k < 4 / (G^2 + 4 G)``.
+    """
+    most = STABLE_SHARE * 4.0 / (CONTROLLER_GAIN**2 + 4.0 * CONTROLLER_GAIN)
+    if 1.0 / (1.0 + model_error) > most:
+        raise InputError(
+            f"model_error is {model_error:g}: the controllers are unstable with bodies so much lighter than planned",
+            remedy=f"give {1.0 / most - 1.0:.2f} or more",
+        )

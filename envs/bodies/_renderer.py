@@ -10,6 +10,7 @@ import functools
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, final
 
 import numpy as np
@@ -188,7 +189,7 @@ class Renderer:
         self._scene.put_joints(q, np.zeros_like(q))
         if self.mode == "human":
             return None
-        with quiet():  # EGL names its vendor
+        with quiet() if self._scene.hardware else nullcontext():  # EGL names its vendor
             _, _, pixels, _, bodies = pybullet.getCameraImage(
                 PICTURE_WIDTH,
                 PICTURE_HEIGHT,

@@ -6,6 +6,8 @@ import importlib.util
 import os
 import sys
 import tempfile
+import weakref
+from contextlib import suppress
 from pathlib import Path
 from typing import final
 
@@ -69,6 +71,7 @@ class Scene:
             self.client: int = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
         if self.client < 0:
             raise RobotError("PyBullet did not start", remedy="close other PyBullet windows and try again")
+        self._closer = weakref.finalize(self, _disconnect, self.client)  # at the end of the process, too
         self.hardware = egl and _load_egl(self.client)
         self.joints = [list(range(arm.dof)) for arm in cell.arms]
         width = max(map(len, self.joints))
@@ -90,15 +93,19 @@ class Scene:
     def _load(self, arm: Arm, visible: bool) -> int:
         """The arm without friction; its links are the model's."""
         T, joints = arm.T_world_base, range(arm.dof)
-        with tempfile.TemporaryDirectory() as folder:
-            visuals = read_visuals(arm, Path(folder)) if visible else ()
-            file = Path(folder) / "arm.urdf"
-            file.write_text(urdf_text(arm, visuals), encoding="utf-8")
-            with quiet():
-                body: int = pybullet.loadURDF(
-                    str(file), T[:3, 3].tolist(), quat_xyzw(T[:3, :3]), useFixedBase=True,
-                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self.client,
-                )  # fmt: skip
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                visuals = read_visuals(arm, Path(folder)) if visible else ()
+                file = Path(folder) / "arm.urdf"
+                file.write_text(urdf_text(arm, visuals), encoding="utf-8")
+                with quiet():
+                    body: int = pybullet.loadURDF(
+                        str(file), T[:3, 3].tolist(), quat_xyzw(T[:3, :3]), useFixedBase=True,
+                        flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=self.client,
+                    )  # fmt: skip
+        except (pybullet.error, OSError) as error:
+            remedy = "TMPDIR must name a folder that can be written, by a short name"
+            raise RobotError(f"arm {arm.name!r} cannot be handed to PyBullet: {error}", remedy=remedy) from error
         for link in (-1, *joints):
             pybullet.changeDynamics(
                 body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=self.client
@@ -213,10 +220,13 @@ class Scene:
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""
-        if self.client >= 0:
-            with quiet():
-                pybullet.disconnect(self.client)
-            self.client = -1
+        self._closer()
+        self.client = -1
+
+
+def _disconnect(client: int) -> None:
+    with quiet(), suppress(pybullet.error):  # a window may be closed already
+        pybullet.disconnect(client)
 
 
 def _scene_again(cell: Cell, model_error: float, friction_error: float, joints: Floats | None) -> Scene:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, final
 
@@ -146,6 +147,14 @@ class Recorder(Stateful):
         self.wanted = wanted
         self._tick = tick
         self._blocks = Blocks()
+
+    def check_state(self, state: Mapping[str, Any]) -> None:
+        """Raise InputError for a state without a trace where one is kept, or the other way round."""
+        super().check_state(state)
+        if bool(state["blocks"]) != self.wanted:
+            raise InputError(
+                "the state's trace does not fit", remedy="make both environments with record=True, or neither"
+            )
 
     def clear(self) -> None:
         """Begin anew."""

@@ -191,7 +191,8 @@ class VectorBase(SavedEnvs, VectorEnv[Floats32, Floats32, NDArray[Any]], Generic
 
     def made_of(self) -> State:
         """The cell's name, how many there are, and what the batch says."""
-        return {"cell": self.batch.name, "num_envs": self.num_envs, **self.batch.made_of}
+        mode = self.autoreset_mode.value
+        return {"cell": self.batch.name, "num_envs": self.num_envs, "autoreset_mode": mode, **self.batch.made_of}
 
     def _check_open(self) -> None:
         if self.closed:

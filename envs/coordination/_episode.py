@@ -22,6 +22,11 @@ def time_limit(cell: CoordinationCell, max_episode_s: float | None) -> tuple[flo
     return reference, TIME_LIMIT * reference if max_episode_s is None else float(max_episode_s)
 
 
+def times_of(cell: CoordinationCell) -> dict[str, tuple[float, ...]]:
+    """What tells cells of one name apart, for states."""
+    return {"minimum_times_s": tuple(motion.duration for motion in cell.fastest)}
+
+
 @final
 class Episode(Stateful):
     """The state of an episode of one cell, above the simulation."""

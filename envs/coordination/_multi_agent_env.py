@@ -24,7 +24,7 @@ from armtempo.envs.common import (
     read_action,
     read_seed,
 )
-from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names
+from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names, times_of
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
@@ -37,6 +37,7 @@ from armtempo.envs.coordination.world import (
 from armtempo.errors import ActionError, brief
 from armtempo.planners import CoordinationCell
 from armtempo.planners.cells import as_cell
+from armtempo.state import State
 
 CHECKERS_OPTION = "options"  # PettingZoo's checkers reset every environment with an option of this name
 
@@ -159,6 +160,10 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self.observation_spaces = {agent: observation_space(COORDINATION_ENTRIES) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space() for agent in self.possible_agents}
         self.np_random, self.np_random_seed = seeding.np_random(None)
+
+    def made_of(self) -> State:
+        """The cell's name and times, and the options."""
+        return {**super().made_of(), **times_of(self.cell)}
 
     @property
     def simulation(self) -> CoordinationSimulation:

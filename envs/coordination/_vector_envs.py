@@ -30,6 +30,7 @@ from armtempo.envs.common import (
     with_masks,
 )
 from armtempo.envs.coordination._batch import BatchSimulation
+from armtempo.envs.coordination._episode import times_of
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
 from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
@@ -206,7 +207,7 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
             plan=plan_of(self.cell, each[0]) if chosen.shield and each else None,
             threads=_threads(count, threads, chosen.shield), **options,
         )  # fmt: skip
-        made_of = {"options": chosen, "learner": own, "others": others}
+        made_of = {"options": chosen, "learner": own, "others": others, **times_of(self.cell)}
         batch = YieldingBatch(self.simulation, own, each, chosen.shield, made_of)
         seen, actions = observation_space(COORDINATION_ENTRIES), action_space()
         super().__init__(batch, count, seen=seen, actions=actions, autoreset_mode=autoreset_mode)
@@ -379,7 +380,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
             )
             for one, (first, last) in zip(self.cells, pairwise(bounds), strict=True)
         ]
-        made_of = {"options": chosen, "learners": self.learners, "reward": reward}
+        times = [times_of(one) for one in self.cells]
+        made_of = {"options": chosen, "learners": self.learners, "reward": reward, "cells": times}
         batch = CellsBatch(simulations, self.learners, chosen.shield, together, made_of)
         self.arm_observation_space, self.arm_action_space = observation_space(COORDINATION_ENTRIES), action_space()
         super().__init__(

@@ -12,7 +12,7 @@ from gymnasium.spaces import Box
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
 from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_action
-from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode
+from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, times_of
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
@@ -165,8 +165,9 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
 
     def made_of(self) -> State:
-        """The cell's name, the options, and the number of the learning arm."""
-        return {**super().made_of(), "learner": self._own}
+        """The cell's name and times, the options, who learns and what the others do."""
+        others = type(self._others).__name__
+        return {**super().made_of(), **times_of(self.cell), "learner": self._own, "others": others}
 
     @property
     def trace(self) -> CoordinationTrace:

@@ -64,7 +64,7 @@ def test_meshes_are_found_as_the_planner_finds_them(tmp_path: Path, scheme: str,
     trimesh.creation.box((1.0, 2.0, 4.0)).export(meshes / f"body.{suffix}")
     (visual,) = drawn(tmp_path, f'<mesh filename="{scheme}/body.{suffix}" scale="0.1 0.2 0.3"/>')
     assert visual.mesh is not None
-    assert visual.mesh.suffix == (".stl" if suffix == "stl" else ".obj")
+    assert visual.mesh.suffix == ".obj"
     np.testing.assert_allclose(trimesh.load_mesh(visual.mesh).extents, [1.0, 2.0, 4.0], rtol=1e-6)
     assert visual.size == (0.1, 0.2, 0.3)
 
@@ -76,6 +76,12 @@ def test_meshes_are_found_as_the_planner_finds_them(tmp_path: Path, scheme: str,
         ('<mesh filename="absent.dae"/>', "wants the mesh 'absent.dae'"),
         ("<mesh/>", "wants the mesh ''"),
         ('<mesh filename="../broken.ply"/>', "cannot read the mesh"),
+        ('<mesh filename="../broken.stl"/>', "cannot read the mesh"),
+        ('<mesh filename="../broken.dae"/>', "cannot read the mesh"),
+        ('<mesh filename="../broken.obj"/>', "cannot read the mesh"),
+        ('<mesh filename="../empty.stl"/>', "cannot read the mesh"),
+        ('<mesh filename="../far.obj"/>', "cannot read the mesh"),
+        ('<mesh filename="../nan.obj"/>', "cannot read the mesh"),
         ("", "has a <visual> without a shape"),
         ('<box size="1 2"/>', "has a <visual> that cannot be drawn"),
         ('<sphere radius="nan"/>', "has a <visual> that cannot be drawn"),
@@ -86,7 +92,12 @@ def test_what_cannot_be_drawn_is_drawn_as_its_collision_shape(
     tmp_path: Path, element: str, said: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "robot").mkdir()
-    (tmp_path / "robot" / "broken.ply").write_bytes(b"not a mesh")
+    for suffix in ("ply", "stl", "dae", "obj"):
+        (tmp_path / "robot" / f"broken.{suffix}").write_bytes(b"not a mesh")
+    (tmp_path / "robot" / "empty.stl").write_bytes(b"")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    (tmp_path / "robot" / "far.obj").write_text(f"{corners}f 1 2 900000\n")  # would end PyBullet's process
+    (tmp_path / "robot" / "nan.obj").write_text(f"{corners.replace('1 0 0', 'nan 0 0')}f 1 2 3\n")
     (visual,) = drawn(tmp_path, element)
     assert (visual.link, visual.kind, visual.size) == (0, "sphere", (0.25,))
     (line,) = caplog.messages

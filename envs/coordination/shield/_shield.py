@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import combinations, permutations
 from typing import Any, final
@@ -261,7 +261,7 @@ class EpisodeShield(Stateful):
         InfeasibleError: As ``Shield.reset``, or arms not as planned cannot even go slowly along their paths.
     """
 
-    changing = ("shield", "_change", "_sum", "_count", "_steps")
+    changing = ("shield", "_change", "_sum", "_count", "_steps", "_tube")
 
     def __init__(
         self,
@@ -279,6 +279,12 @@ class EpisodeShield(Stateful):
         self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
         self.shield.reset(np.zeros(simulation.arms))  # not from where it is: what is drawn there may be drawn again
         self._clear()
+
+    def check_state(self, state: Mapping[str, Any]) -> None:
+        """Raise InputError for the state of a shield with another tube, too."""
+        super().check_state(state)
+        if state["tube"] != self._tube:
+            raise InputError("the state's tube is another one", remedy="make the shield with the same tube_m")
 
     def reset(self) -> None:
         """Begin an episode where the simulation is; raises as ``Shield.reset``."""

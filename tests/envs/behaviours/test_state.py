@@ -28,7 +28,7 @@ from armtempo.envs import (
     YieldingVectorEnv,
 )
 from armtempo.errors import ActionError, InputError
-from armtempo.planners import CoordinationCell, load_cell
+from armtempo.planners import CoordinationCell, build_cell, load_cell
 from armtempo.state import STATE_FORMAT
 
 DISTURBED: dict[str, Any] = {"disturbance": "any", "observation_noise": 0.02}
@@ -223,10 +223,20 @@ def test_a_state_says_what_it_is_of_and_fits_nothing_else() -> None:
         YieldingEnv(lee1991, physics="bullet"),
         YieldingEnv(lee1991, physics="ideal", learner="master"),
         YieldingEnv(lee1991, physics="ideal", others="vci"),
+        YieldingEnv(lee1991, physics="ideal", record=True),
+        YieldingEnv(build_cell(lee1991.config.model_copy(update={"torque_reserve": 0.3})), physics="ideal"),
     ):
         with pytest.raises(InputError, match="the state's"):
             other.set_state(state)
         other.close()
+    narrow, wide = (ShieldWrapper(YieldingEnv(lee1991, physics="ideal"), tube_m=tube) for tube in (0.0, 0.001))
+    narrow.reset(seed=0)
+    with pytest.raises(InputError, match="the state's tube"):
+        wide.set_state(narrow.get_state())
+    next_step, same_step = (YieldingVectorEnv(2, lee1991, autoreset_mode=mode) for mode in ("NextStep", "SameStep"))
+    next_step.reset(seed=0)
+    with pytest.raises(InputError, match="the state's autoreset_mode"):
+        same_step.set_state(next_step.get_state())
     env.close()
     with pytest.raises(InputError, match="is closed"):
         env.get_state()

@@ -7,6 +7,7 @@ import pytest
 
 from armtempo.envs.bodies import Controller, joint_torques, pybullet
 from armtempo.envs.bodies._joint_control import control, stack_models
+from armtempo.errors import InputError
 from armtempo.planners import BlendCell, CoordinationCell, IKCell
 
 
@@ -87,4 +88,17 @@ def test_joints_rub_by_the_share_told(lee2006: BlendCell, friction_error: float)
     for joint, damping in zip(scene.joints[0], lee2006.arm.damping, strict=True):
         found = pybullet.getJointInfo(scene.bodies[0], joint, physicsClientId=scene.client)[6]
         assert found == pytest.approx((1.0 + friction_error) * damping)
+    controller.close()
+
+
+def test_bodies_too_light_for_the_feedback_are_refused(lee1991: CoordinationCell) -> None:
+    """A fifth of the mass: the gain times five, a tick late."""
+    with pytest.raises(InputError, match=r"model_error is -0\.8: .*unstable.*give -0\.77 or more"):
+        Controller(lee1991, "bullet", model_error=-0.8)
+    controller = Controller(lee1991, "bullet", model_error=-0.76)
+    q = np.array([path.evaluate(0.0)[0] for path in lee1991.paths])
+    controller.reset(q)
+    for _ in range(400):
+        controller.track(q + 1e-3)
+    np.testing.assert_allclose(controller.q, q + 1e-3, atol=1e-6)
     controller.close()

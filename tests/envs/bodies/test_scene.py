@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import subprocess
+import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -212,6 +218,52 @@ def test_pybullet_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     env.close()
     ctypes.CDLL(None).fflush(None)
     assert capfd.readouterr() == ("", "")
+
+
+def test_threads_leave_standard_output_where_it_is(lee1991: CoordinationCell) -> None:
+    def work() -> None:
+        for _ in range(8):
+            Scene(lee1991).close()
+
+    before = [os.fstat(number) for number in (1, 2)]
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for number, was in zip((1, 2), before, strict=True):
+        now = os.fstat(number)
+        assert (now.st_dev, now.st_ino) == (was.st_dev, was.st_ino)
+
+
+def test_without_standard_output_and_at_the_end_of_a_process(tmp_path: Path) -> None:
+    line = "from armtempo.envs import YieldingEnv; e = YieldingEnv(physics='bullet', render_mode='rgb_array')"
+    line += "; e.reset(seed=0); assert e.render().shape == (480, 640, 3)"  # never closed
+    open_ = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, check=True)
+    assert (open_.stdout, open_.stderr) == ("", "")
+    shell = f'"{sys.executable}" -c "{line}" >&- 2>&-'
+    assert subprocess.run(["sh", "-c", shell], check=False, cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_chain_of_forty_joints(tmp_path: Path, seed: int) -> None:
+    """Its text is longer than the lines that PyBullet reads."""
+    random, parts = np.random.default_rng(seed), ['<robot name="long"><link name="l0"/>']
+    for k in range(1, 41):
+        xyz, rpy, axis = (" ".join(map(repr, random.uniform(-1.0, 1.0, 3).tolist())) for _ in range(3))
+        parts.append(
+            f'<link name="l{k}"><inertial><origin xyz="{xyz}"/><mass value="1.2345678901234567"/>'
+            '<inertia ixx="0.3" iyy="0.4" izz="0.5" ixy="0.01" ixz="0.02" iyz="0.03"/></inertial></link>'
+            f'<joint name="j{k}" type="revolute"><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>'
+            f'<parent link="l{k - 1}"/><child link="l{k}"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        )
+    file = tmp_path / "long.urdf"
+    file.write_text("".join([*parts, "</robot>"]))
+    arm = Arm.from_urdf(file)
+    assert len(urdf_text(arm)) > 3 * 8192
+    cell: Any = SimpleNamespace(arms=(arm,), gravity=(0.0, 0.0, -9.81), physics_tick=1e-3)
+    Scene(cell).close()
 
 
 def test_many_environments_share_nothing_in_pybullet(lee1991: CoordinationCell) -> None:
