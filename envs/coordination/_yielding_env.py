@@ -167,7 +167,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     def made_of(self) -> State:
         """The cell's name and times, the options, who learns and what the others do."""
         others = type(self._others).__name__
-        return {**super().made_of(), **times_of(self.cell), "learner": self._own, "others": others}
+        return {**super().made_of(), **times_of(self.cell), "learner": self._own, "others_by": others}
 
     @property
     def trace(self) -> CoordinationTrace:
