@@ -29,10 +29,8 @@ def needed_torque_reserve(cell: CoordinationCell, model_error: float = 0.0, fric
         model_error: By what share the bodies are heavier than planned.
         friction_error: By what share damping and dry friction are larger.
     """
-    reserve, planned = 0.0, _planned(cell)
-    if not model_error and not any(friction.any() for _, _, friction in planned):
-        return 0.0  # there is nothing for an error of friction
-    for arm, dynamics, friction in planned:
+    reserve = 0.0
+    for arm, dynamics, friction in _planned(cell):
         limit = arm.torque_max
         rougher = (1.0 + OVERSHOOT) * abs(friction_error - model_error)
         of_plan = (1.0 - CONTROL_SHARE) - rougher * friction.max(axis=0) / limit

@@ -42,7 +42,7 @@ def with_auto_reserve(cell: CoordinationCell, options: CoordinationOptions) -> C
     Raises:
         InfeasibleError: No reserve will do, or the arms are too weak with it.
     """
-    if cell.config.torque_reserve != "auto" or not _told(options):
+    if cell.config.torque_reserve != "auto" or not _told(cell, options):
         return cell
     needed = needed_torque_reserve(cell, options.model_error, options.friction_error)
     if needed <= cell.torque_reserve:
@@ -57,7 +57,7 @@ def with_auto_reserve(cell: CoordinationCell, options: CoordinationOptions) -> C
 
 def keeps_up(cell: CoordinationCell, options: CoordinationOptions) -> bool:
     """Whether the cell's torque reserve is enough for the errors of the options; says so in the log where it is not."""
-    if not _told(options):
+    if not _told(cell, options):
         return True
     needed = needed_torque_reserve(cell, options.model_error, options.friction_error)
     if needed <= cell.torque_reserve + 1e-9:
@@ -91,9 +91,10 @@ def promised_rate(cell: CoordinationCell, options: CoordinationOptions) -> float
     return rate
 
 
-def _told(options: CoordinationOptions) -> bool:
-    """Whether arms are not as planned; only bodies can be."""
-    return bool(options.model_error or options.friction_error)
+def _told(cell: CoordinationCell, options: CoordinationOptions) -> bool:
+    """Whether arms are not as planned: bodies, or friction where there is some."""
+    rubs = any(arm.damping.any() or arm.coulomb.any() for arm in cell.arms)
+    return bool(options.model_error or (rubs and options.friction_error))
 
 
 def _errors(options: CoordinationOptions) -> str:

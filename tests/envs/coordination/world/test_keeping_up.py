@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, YieldingEnv
-from armtempo.envs.coordination.world._keeping_up import first_rate
+from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, build_cell
 from armtempo.planners.cells import needed_torque_reserve
@@ -71,3 +71,10 @@ def test_the_first_rate_is_one_where_plans_leave_torque(lee1991: CoordinationCel
         simulation.close()
     assert 0.995 < rates[0] < 1.0
     assert rates[1] == 1.0
+
+
+def test_more_friction_where_there_is_none_changes_nothing(
+    lee1991: CoordinationCell, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert keeps_up(lee1991, CoordinationOptions(physics="bullet", friction_error=5.0))
+    assert not caplog.records
