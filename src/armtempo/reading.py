@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import stat
 import struct
 import tokenize
@@ -91,7 +92,8 @@ def read_bytes(path: Path, largest: int) -> bytes:
     if why is None:
         try:
             with path.open("rb") as file:
-                content = file.read(largest + 1)
+                size = min(os.fstat(file.fileno()).st_size, largest)
+                content = file.read(size + 1)  # as much is allocated, whatever the file holds
             if len(content) <= largest:
                 return content
             why = f"larger than {largest / 1e6:g} MB"
