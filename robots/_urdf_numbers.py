@@ -11,9 +11,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
+from armtempo.errors import brief
 from armtempo.robots._sizes import ANGLE_MAX, FORCE_MAX, INERTIA_MAX, LENGTH_MAX, LIMIT_MAX, MASS_MAX
 
-__all__ = ["check_numbers", "has_no_size", "numbers_of"]
+__all__ = ["check_numbers", "check_part", "has_no_size", "numbers_of"]
 
 Fail = Callable[[str, str, str], object]
 """Raises RobotError for an element, its problem and the remedy."""
@@ -65,31 +66,29 @@ def numbers_of(text: str) -> list[float]:
 
 
 def check_numbers(root: ET.Element, fail: Fail) -> None:
-    """Let ``fail`` raise for the first number of a link or joint that is none, or there are too few or too many."""
+    """Let ``fail`` raise for the first number of a link or joint that is none, or there are too few or too many.
+
+    What a link looks like is not looked at: that is the business of those who draw it.
+    """
     for owner in root:
-        if owner.tag not in ("link", "joint"):
-            continue
-        for child in owner:
-            if child.tag == "visual":
-                continue  # not of the arm: what cannot be drawn is drawn as its collision shape
-            for element in child.iter():
-                for name, rule in RULES.get(element.tag, {}).items():
-                    text = element.get(name)
-                    wrong = rule.needed if text is None else _wrong(text, rule)
-                    if wrong:
-                        where = f"<{child.tag}> " * (element is not child) + f"<{element.tag}"
-                        problem = (
-                            f"a {where}> without {name}"
-                            if text is None
-                            else f"{where} {name}={_short(text)!r}>: {wrong}"
-                        )
-                        count = " or ".join(map(str, rule.counts))
-                        remedy = f"give {count} finite number{'s' * (rule.counts != (1,))}, {rule.unit}"
-                        fail(f"{owner.tag} {owner.get('name')!r}", f"has {problem}", remedy)
+        if owner.tag in ("link", "joint"):
+            for part in owner:
+                if part.tag != "visual":
+                    check_part(f"{owner.tag} {owner.get('name')!r}", part, fail)
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def check_part(owner: str, part: ET.Element, fail: Fail) -> None:
+    """The same for one element of a link or joint."""
+    for element in part.iter():
+        for name, rule in RULES.get(element.tag, {}).items():
+            text = element.get(name)
+            wrong = rule.needed if text is None else _wrong(text, rule)
+            if wrong:
+                where = f"<{part.tag}> " * (element is not part) + f"<{element.tag}"
+                problem = f"a {where}> without {name}" if text is None else f"{where} {name}={brief(text)}>: {wrong}"
+                count = " or ".join(map(str, rule.counts))
+                remedy = f"give {count} finite number{'s' * (rule.counts != (1,))}, {rule.unit}"
+                fail(owner, f"has {problem}", remedy)
 
 
 def _wrong(text: str, rule: _Rule) -> str:
@@ -97,13 +96,13 @@ def _wrong(text: str, rule: _Rule) -> str:
     words = text.split()
     for word in words:
         if not DECIMAL.fullmatch(word):
-            return f"{_short(word)!r} is not {'finite' if NOT_FINITE.fullmatch(word) else 'a number'}"
+            return f"{brief(word)} is not {'finite' if NOT_FINITE.fullmatch(word) else 'a number'}"
     if len(words) not in rule.counts:
         return f"{len(words)} number{'s' * (len(words) != 1)}"
     for word in words:
         value = float(word)
         if not abs(value) <= rule.most:
-            return f"{_short(word)} is beyond {rule.most:g}"
+            return f"{brief(word)} is beyond {rule.most:g}"
         if value == 0.0 and not rule.zero:
             return "a scale of 0 leaves nothing of the mesh"
     return ""

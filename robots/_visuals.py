@@ -18,6 +18,7 @@ from armtempo.errors import RobotError
 from armtempo.robots._arm import Arm
 from armtempo.robots._shapes import SIZE_NAMES, Shape, load_triangles
 from armtempo.robots._urdf import UrdfReader
+from armtempo.robots._urdf_numbers import check_part, numbers_of
 
 __all__ = ["Visual", "read_visuals"]
 
@@ -97,38 +98,26 @@ def _of_elements(
         geometry = element.find("geometry")
         if geometry is None or not len(geometry):
             reader.fail(f"link {name!r}", "has a <visual> without a shape", "add one inside its <geometry>")
+        check_part(f"link {name!r}", element, reader.fail)
         kind, given = geometry[0].tag, geometry[0].attrib
-        try:
-            T_shape = T @ _origin(element.find("origin"))
-            if kind == "mesh":
-                file = reader.mesh_file(name, given.get("filename", ""))
-                mesh = meshes.write(*load_triangles(file, element=f"{reader.file}: link {name!r}"))
-                scale = np.broadcast_to(_numbers(given.get("scale", "1"), (1, 3)), 3).tolist()
-                yield Visual(link=link, kind="mesh", T_link_shape=T_shape, size=tuple(scale), mesh=mesh)
-            else:
-                names = SIZE_NAMES[kind]
-                text = given["size"] if kind == "box" else " ".join(given[one] for one in names)
-                size = tuple(_numbers(text, (len(names),)).tolist())
-                yield Visual(link=link, kind=kind, T_link_shape=T_shape, size=size)
-        except RobotError:
-            raise
-        except (KeyError, ValueError):
-            remedy = "give a box, cylinder, sphere, capsule or mesh with its sizes in metres"
-            reader.fail(f"link {name!r}", "has a <visual> that cannot be drawn", remedy)
+        T_shape = T @ _origin(element.find("origin"))
+        if kind == "mesh":
+            file = reader.mesh_file(name, given.get("filename", ""))
+            mesh = meshes.write(*load_triangles(file, element=f"{reader.file}: link {name!r}"))
+            scale = np.broadcast_to(numbers_of(given.get("scale", "1")), 3).tolist()
+            yield Visual(link=link, kind="mesh", T_link_shape=T_shape, size=tuple(scale), mesh=mesh)
+        elif kind in SIZE_NAMES:
+            text = given["size"] if kind == "box" else " ".join(given[one] for one in SIZE_NAMES[kind])
+            yield Visual(link=link, kind=kind, T_link_shape=T_shape, size=tuple(numbers_of(text)))
+        else:
+            remedy = "give a box, cylinder, sphere, capsule or mesh"
+            reader.fail(f"link {name!r}", f"has a <visual> that is a <{kind}>", remedy)
 
 
 def _origin(element: ET.Element | None) -> Floats:
-    """(4, 4) of an <origin>; ValueError."""
+    """(4, 4) of an <origin> that was checked."""
     T = np.eye(4)
     if element is not None:
-        T[:3, 3] = _numbers(element.get("xyz", "0 0 0"), (3,))
-        T[:3, :3] = Rotation.from_euler("xyz", _numbers(element.get("rpy", "0 0 0"), (3,))).as_matrix()
+        T[:3, 3] = numbers_of(element.get("xyz", "0 0 0"))
+        T[:3, :3] = Rotation.from_euler("xyz", numbers_of(element.get("rpy", "0 0 0"))).as_matrix()
     return T
-
-
-def _numbers(text: str, counts: tuple[int, ...]) -> Floats:
-    """So many finite numbers; ValueError."""
-    values = np.array([float(word) for word in text.replace(",", " ").split()])
-    if len(values) not in counts or not np.isfinite(values).all():
-        raise ValueError(text)
-    return values

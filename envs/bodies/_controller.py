@@ -36,6 +36,7 @@ class Controller(Stateful):
         friction_error: Damping and dry friction of the bodies' joints are larger by this share.
 
     Attributes:
+        measured: (2, A, n) joint positions and speeds now.
         reference: (3, A, n) joint positions asked for at the tick before, now and next; those of now at rest.
         torque, demand: (A, n) torques of the last tick, and before they were clipped at the limits.
         gain: Bandwidth of the controllers [1/s].
@@ -45,13 +46,13 @@ class Controller(Stateful):
         RobotError: The bodies are not the planned ones, or their damping is too strong for the tick.
     """
 
-    changing = ("_measured", "reference", "torque", "demand")
+    changing = ("measured", "reference", "torque", "demand")
 
     def __init__(self, cell: Cell, physics: Physics, *, model_error: float = 0.0, friction_error: float = 0.0) -> None:
         arms, width = len(cell.arms), max(arm.dof for arm in cell.arms)
         self.tick = cell.physics_tick
         self.gain = CONTROLLER_GAIN / self.tick
-        self._measured: Floats = np.zeros((2, arms, width))
+        self.measured: Floats = np.zeros((2, arms, width))
         self.reference: Floats = np.zeros((3, arms, width))
         self.torque: Floats = np.zeros((arms, width))
         self.demand: Floats = np.zeros((arms, width))
@@ -68,13 +69,13 @@ class Controller(Stateful):
     @property
     def q(self) -> Floats:
         """(A, n) joint positions now."""
-        q: Floats = self._measured[0]  # views are not kept: those of a copy would be arrays of their own
+        q: Floats = self.measured[0]  # views are not kept: those of a copy would be arrays of their own
         return q
 
     @property
     def qd(self) -> Floats:
         """(A, n) joint speeds now."""
-        qd: Floats = self._measured[1]
+        qd: Floats = self.measured[1]
         return qd
 
     def reset(self, q: Floats) -> None:
@@ -88,7 +89,7 @@ class Controller(Stateful):
     def ask(self, joints: Floats) -> bool:
         """Work out the torques of one tick towards the references ``joints`` (A, n); whether some are clipped."""
         return control(
-            self._models, self._dofs, joints, self.gain, self.tick, self._measured, self.reference, self._coulomb,
+            self._models, self._dofs, joints, self.gain, self.tick, self.measured, self.reference, self._coulomb,
             self._torque_max, self.demand, self.torque,
         )  # fmt: skip
 
@@ -106,11 +107,6 @@ class Controller(Stateful):
         """One tick in PyBullet towards the references ``joints`` (A, n)."""
         self.ask(joints)
         self.act()
-
-    @property
-    def measured(self) -> Floats:
-        """(2, A, n) joint positions and speeds now."""
-        return self._measured
 
     def put(self, q: Floats, torque: Floats, demand: Floats) -> None:
         """Without physics: what is so, all (A, n), where the arms are on their references of now."""

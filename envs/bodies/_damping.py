@@ -28,6 +28,8 @@ def check_damping(cell: Cell, factor: float = 1.0) -> None:
         cell: The arms, their ways and the tick.
         factor: The damping is so many times as strong beside the inertia as the arms say.
     """
+    if not any(arm.damping.any() for arm in cell.arms):
+        return  # a cell may have to solve for its ways
     for arm, sweep in zip(cell.arms, cell.sweeps(POSTURES), strict=True):
         rate, joint = _fastest_decay(arm, sweep.q)
         stiffness = cell.physics_tick * factor * rate
@@ -46,8 +48,6 @@ def check_damping(cell: Cell, factor: float = 1.0) -> None:
 
 def _fastest_decay(arm: Arm, q: Floats) -> tuple[float, str]:
     """The largest eigenvalue of M^-1 D at the postures ``q`` (K, n) [1/s], and the joint that moves most in it."""
-    if not arm.damping.any():
-        return 0.0, arm.joint_names[0]
     M, root = arm.mass_matrix(q), np.sqrt(arm.damping)
     decays, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(M) * root)  # similar to M^-1 D, and symmetric
     k = int(np.argmax(decays[:, -1]))

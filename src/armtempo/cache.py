@@ -12,6 +12,7 @@ import io
 import logging
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -56,6 +57,8 @@ def private_folder() -> Path | None:
 
     Whoever could write there could have us run code, as numba's files are: somebody else's folder is not taken.
     """
+    if sys.platform == "win32":
+        return None  # a home can always be written there, and folders have no modes
     user = os.getuid()
     try:
         folder = Path(tempfile.gettempdir()) / f"armtempo-{user}"

@@ -8,7 +8,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -293,3 +293,15 @@ def _bomb(random: Random, arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 Damage = Callable[[Random, bytes], bytes]
+
+
+def damaged_copies(whole: bytes, random: Random, count: int) -> Iterator[bytes]:
+    """So many copies of a file, each with some bits flipped, cut, longer, or cut and longer; also in its last bytes."""
+    for k in range(count):
+        place = int(random.integers(len(whole))) if k % 8 else len(whole) - 1 - int(random.integers(64))
+        flipped = bytearray(whole)
+        for _ in range(1 + k % 3):
+            flipped[(place + int(random.integers(3))) % len(whole)] ^= 1 << int(random.integers(8))
+        damaged = (bytes(flipped), whole[:place], whole + b"\0" * (1 + k % 7), whole[:place] + b"x")[k % 4]
+        if damaged != whole:
+            yield damaged

@@ -83,9 +83,9 @@ def test_meshes_are_found_as_the_planner_finds_them(tmp_path: Path, scheme: str,
         ('<mesh filename="../far.obj"/>', "cannot read the mesh"),
         ('<mesh filename="../nan.obj"/>', "cannot read the mesh"),
         ("", "has a <visual> without a shape"),
-        ('<box size="1 2"/>', "has a <visual> that cannot be drawn"),
-        ('<sphere radius="nan"/>', "has a <visual> that cannot be drawn"),
-        ("<cone/>", "has a <visual> that cannot be drawn"),
+        ('<box size="1 2"/>', "has <visual> <box size='1 2'>: 2 numbers"),
+        ('<sphere radius="nan"/>', "has <visual> <sphere radius='nan'>: 'nan' is not finite"),
+        ("<cone/>", "has a <visual> that is a <cone>"),
     ],
 )
 def test_what_cannot_be_drawn_is_drawn_as_its_collision_shape(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import random
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,6 +19,7 @@ from armtempo.agents.training._export import agent_of
 from armtempo.envs import COORDINATION_ENTRIES
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError
 from armtempo.planners import CoordinationCell
+from tests.fuzz._mutations import damaged_copies
 
 SIZE = len(COORDINATION_ENTRIES)
 
@@ -188,17 +188,11 @@ def test_no_prefix_of_a_file_is_taken_for_an_agent(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", shipped_agents())
 def test_no_damaged_agent_is_taken(name: str, tmp_path: Path) -> None:
     whole, path = (SHIPPED / f"{name.partition(':')[2]}.npz").read_bytes(), tmp_path / "agent.npz"
-    draw = random.Random(name)
-    for k in range(80):
-        place = draw.randrange(len(whole)) if k % 8 else len(whole) - 1 - draw.randrange(64)  # also of the digest
-        flipped = bytearray(whole)
-        for _ in range(1 + k % 3):
-            flipped[(place + draw.randrange(3)) % len(whole)] ^= 1 << draw.randrange(8)
-        path.write_bytes((bytes(flipped), whole[:place], whole + b"\0" * (1 + k % 7), whole[:place] + b"x")[k % 4])
-        if path.read_bytes() != whole:
-            with pytest.raises(InputError, match=r"agent\.npz: ") as caught:
-                load_agent(path)
-            assert "copy it again" in caught.value.remedy
+    for damaged in damaged_copies(whole, np.random.default_rng(1), 80):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"agent\.npz: ") as caught:
+            load_agent(path)
+        assert "copy it again" in caught.value.remedy
 
 
 def test_agents_of_before_there_were_digests_are_read_and_their_checksums_with_them(tmp_path: Path) -> None:

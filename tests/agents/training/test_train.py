@@ -6,7 +6,6 @@ import csv
 import errno
 import io
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -36,6 +35,7 @@ from armtempo.errors import InputError
 from armtempo.files import locked, write_sealed
 from armtempo.planners import CoordinationCell, IKCell
 from armtempo.planners.cells import draw_target
+from tests.fuzz._mutations import damaged_copies
 
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 
@@ -416,17 +416,12 @@ def test_logs_on_a_full_disk_are_told_once(
 
 
 def test_no_damaged_checkpoint_is_taken(trained: Training, tmp_path: Path) -> None:
-    whole, path, draw = (trained.folder / "checkpoint.pt").read_bytes(), tmp_path / "checkpoint.pt", random.Random(6)
-    for k in range(240):
-        place = draw.randrange(len(whole)) if k % 8 else len(whole) - 1 - draw.randrange(64)  # also of the digest
-        flipped = bytearray(whole)
-        for _ in range(1 + k % 3):
-            flipped[(place + draw.randrange(3)) % len(whole)] ^= 1 << draw.randrange(8)
-        path.write_bytes((bytes(flipped), whole[:place], whole + b"\0" * (1 + k % 7), whole[:place] + b"x")[k % 4])
-        if path.read_bytes() != whole:
-            with pytest.raises(InputError, match=r"checkpoint\.pt: ") as caught:
-                read_checkpoint(path)
-            assert "copy it again" in caught.value.remedy
+    whole, path = (trained.folder / "checkpoint.pt").read_bytes(), tmp_path / "checkpoint.pt"
+    for damaged in damaged_copies(whole, np.random.default_rng(6), 240):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"checkpoint\.pt: ") as caught:
+            read_checkpoint(path)
+        assert "copy it again" in caught.value.remedy
     path.write_bytes(whole)
     assert read_checkpoint(path)["counters"]["num_timesteps"] == 1024
 
