@@ -108,7 +108,10 @@ def _of_elements(
             yield Visual(link=link, kind="mesh", T_link_shape=T_shape, size=tuple(scale), mesh=mesh)
         elif kind in SIZE_NAMES:
             text = given["size"] if kind == "box" else " ".join(given[one] for one in SIZE_NAMES[kind])
-            yield Visual(link=link, kind=kind, T_link_shape=T_shape, size=tuple(numbers_of(text)))
+            size = tuple(numbers_of(text))
+            if min(size) <= 0.0:
+                reader.fail(f"link {name!r}", f"has a <visual> <{kind}> that is not larger than 0", "give metres")
+            yield Visual(link=link, kind=kind, T_link_shape=T_shape, size=size)
         else:
             remedy = "give a box, cylinder, sphere, capsule or mesh"
             reader.fail(f"link {name!r}", f"has a <visual> that is a <{kind}>", remedy)

@@ -85,6 +85,7 @@ def test_meshes_are_found_as_the_planner_finds_them(tmp_path: Path, scheme: str,
         ("", "has a <visual> without a shape"),
         ('<box size="1 2"/>', "has <visual> <box size='1 2'>: 2 numbers"),
         ('<sphere radius="nan"/>', "has <visual> <sphere radius='nan'>: 'nan' is not finite"),
+        ('<sphere radius="-0.05"/>', "has a <visual> <sphere> that is not larger than 0"),
         ("<cone/>", "has a <visual> that is a <cone>"),
     ],
 )
