@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
-from armtempo.commands.console import JsonFile, Names, Output, new_table, number
+from armtempo.commands.console import JsonFile, Names, Output, kept_results, new_table, number
 from armtempo.errors import InfeasibleError, InputError
 
 if TYPE_CHECKING:
@@ -56,16 +57,24 @@ def bench_errors(
     chosen += _feasible_rings(rings, seed)
     entries: list[dict[str, Any]] = []
     total = len(chosen) * (1 + len(errors)) * len(reserves) * len(POLICIES)
-    with output.progress("Simulating", total) as (progress, task):
-        for base in chosen:
+    arguments = {"cells": [cell.config.model_dump(mode="json") for cell in chosen], "episodes": episodes}
+    with (
+        kept_results("bench errors", arguments) as kept,
+        output.progress("Simulating", total) as (progress, task),
+    ):
+        output.taken_over(kept)
+        for k, base in enumerate(chosen):
             progress.update(task, description=f"Simulating {base.name}")
-            exact = {policy: _makespans(base, policy, episodes) for policy in POLICIES}
+            exact = {
+                policy: kept.result(f"{k} {base.name} {policy}", partial(_makespans, base, policy, episodes))
+                for policy in POLICIES
+            }
             for reserve in reserves:
                 cell = build_cell(base.config.model_copy(update={"torque_reserve": reserve}))
-                for error in (0.0, *errors):
-                    for policy in POLICIES:
-                        entries.append(_entry(cell, error, policy, exact[policy]))
-                        progress.advance(task)
+                for error, policy in itertools.product((0.0, *errors), POLICIES):
+                    unit = f"{k} {base.name} {policy} {reserve} {error}"
+                    entries.append(kept.result(unit, partial(_entry, cell, error, policy, exact[policy])))
+                    progress.advance(task)
     output.table(_tabulate(entries, episodes))
     output.json({"seed": seed, "episodes": episodes, "runs": entries})
 
@@ -145,7 +154,8 @@ def _run(env: CoordinationEnv, policy: str, episodes: int) -> Iterator[tuple[flo
 def _tabulate(entries: Sequence[dict[str, Any]], episodes: int) -> Table:
     table = new_table(
         f"Bodies heavier than planned, under the shield ({episodes} episodes each)",
-        "the first arm disturbed; errors at the ends of control periods; lost: to the paths exactly, with no reserve",
+        "the first arm disturbed; errors and clipping in the last ticks of control periods; "
+        "lost: to the paths exactly, with no reserve",
     )
     for head in ("cell", "error\n\\[%]", "reserve\n\\[%]", "needed\n\\[%]", "policy", "too close", "not there"):
         table.add_column(head, justify="left" if head in ("cell", "policy") else "right")
