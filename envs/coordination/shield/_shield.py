@@ -28,7 +28,7 @@ from armtempo.envs.coordination.shield._kernels import (
     fill_braked,
     first_orders,
 )
-from armtempo.envs.coordination.world import CoordinationSimulation, World, promised_rate
+from armtempo.envs.coordination.world import CoordinationSimulation, World, check_torque_left
 from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
@@ -272,8 +272,7 @@ class EpisodeShield(Stateful):
         tube_m: float = 0.0,
     ) -> None:
         self._simulation = simulation
-        if not simulation.keeps_up:
-            simulation.begin_at(promised_rate(simulation.cell, simulation.options))
+        check_torque_left(simulation.cell, simulation.options)
         self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
         # Plans keep the reserve between two arms: half of it is for each.
         self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)

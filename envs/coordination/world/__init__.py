@@ -19,7 +19,7 @@ from armtempo.envs.coordination.world._disturbance import (
 )
 from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
 from armtempo.envs.coordination.world._entries import COORDINATION_ENTRIES, OTHER, OTHERS, OWN, SIZE
-from armtempo.envs.coordination.world._keeping_up import promised_rate, with_auto_reserve
+from armtempo.envs.coordination.world._keeping_up import check_torque_left, with_auto_reserve
 from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
 from armtempo.envs.coordination.world._options import MODES, CoordinationKeywords, CoordinationOptions
 from armtempo.envs.coordination.world._simulation import CoordinationSimulation, CoordinationTrace
@@ -34,6 +34,7 @@ from armtempo.envs.coordination.world._world import (
 )
 
 __all__ = [
+    "check_torque_left",
     "START_ATTEMPTS",
     "DISTURBANCES",
     "Disturbance",
@@ -63,7 +64,6 @@ __all__ = [
     "ideal_world",
     "length_of",
     "observe",
-    "promised_rate",
     "run_periods",
     "scratch_for",
     "steps_of",

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from armtempo.envs.coordination.world._options import CoordinationOptions
-from armtempo.envs.coordination.world._pace import hardest_tick
+from armtempo.envs.coordination.world._pace import SLOWEST, hardest_tick
 from armtempo.envs.coordination.world._world import World
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell
@@ -20,13 +20,17 @@ RATE_TRIALS = 6
 RATE_MARGIN = 1e-4  # of a torque limit
 
 
-def first_rate(world: World) -> float:
-    """How fast the references' time may go from the start: full speed of every arm, in ticks, keeps its limits.
+def first_rate(world: World, cell: CoordinationCell, options: CoordinationOptions, *, enough: bool) -> float:
+    """How fast the references' time may go from the start.
 
-    1 where plans leave the controller some torque. Plans at the limits need up to 0.6 % more in ticks than they have:
-    what is clipped of it, feedback asks for again, and more and more of it.
+    Full speed of every arm, in ticks, keeps its limits: 1 where plans leave the controller some torque. Plans at the
+    limits need up to 0.6 % more in ticks than they have: what is clipped of it, feedback asks for again, and more and
+    more of it. Where the torque reserve is not ``enough`` for the errors of the options, any motion keeps its limits:
+    feedback alone learns of an error as an arm speeds up, and where less torque is left to brake, that is too late.
     """
     rate = 1.0
+    if not enough:
+        rate = max(rate_that_holds(cell, options.model_error, options.friction_error), SLOWEST)
     for i in range(world.torque_max.shape[0]):
         for _ in range(RATE_TRIALS):
             worst = hardest_tick(world, i, rate)
@@ -69,26 +73,23 @@ def keeps_up(cell: CoordinationCell, options: CoordinationOptions) -> bool:
     return False
 
 
-def promised_rate(cell: CoordinationCell, options: CoordinationOptions) -> float:
-    """How fast time may go from the start under a shield, which takes the errors of the options for bounds.
-
-    Feedback alone learns of an error as an arm speeds up; where less torque is left to brake, that is too late.
+def check_torque_left(cell: CoordinationCell, options: CoordinationOptions) -> None:
+    """For a shield, which takes the errors of the options for bounds.
 
     Raises:
         InfeasibleError: However slowly, arms have not the torque for their paths.
     """
-    rate = rate_that_holds(cell, options.model_error, options.friction_error)
-    if rate == 0.0:
-        needed = needed_torque_reserve(cell, options.model_error, options.friction_error)
-        none = math.isinf(needed)
-        raise InfeasibleError(
-            f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little "
-            f"torque for its path, however slowly, with a torque_reserve of {cell.torque_reserve:.4g}",
-            remedy="make the errors smaller, or limits.torque_nm larger: no reserve helps"
-            if none
-            else f"torque_reserve: {_number(needed)} in the cell's file, or auto",
-        )
-    return rate
+    if not _told(cell, options) or rate_that_holds(cell, options.model_error, options.friction_error) > 0.0:
+        return
+    needed = needed_torque_reserve(cell, options.model_error, options.friction_error)
+    none = math.isinf(needed)
+    raise InfeasibleError(
+        f"the shield cannot promise anything in cell {cell.name!r}: {_errors(options)} leave an arm too little "
+        f"torque for its path, however slowly, with a torque_reserve of {cell.torque_reserve:.4g}",
+        remedy="make the errors smaller, or limits.torque_nm larger: no reserve helps"
+        if none
+        else f"torque_reserve: {_number(needed)} in the cell's file, or auto",
+    )
 
 
 def _told(cell: CoordinationCell, options: CoordinationOptions) -> bool:

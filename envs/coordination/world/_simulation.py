@@ -146,7 +146,9 @@ class CoordinationSimulation(Stateful):
         self._settling = Settling(arms)
         self._recorder = Recorder(wanted=record, tick=self._tick)
         self.keeps_up = keeps_up(cell, options)
-        self._clock_first = first_rate(self._world) if options.physics == "bullet" else 1.0
+        self._clock_first = 1.0
+        if options.physics == "bullet":
+            self._clock_first = first_rate(self._world, cell, options, enough=self.keeps_up)
         self.reset()
 
     def _joints_at(self, lam: Floats) -> Floats:
@@ -234,11 +236,6 @@ class CoordinationSimulation(Stateful):
         """(A,) arms that may do less than they are told in this episode: all, where the clock may go slower."""
         uncertain: Bools = uncertain_arms(self._episodes)[0] | (not self.keeps_up or self.clock < 1.0)
         return uncertain
-
-    def begin_at(self, rate: float) -> None:
-        """Let the clock begin at this rate, if it is not slower anyway, now and in every episode."""
-        self._clock_first = min(self._clock_first, rate)
-        self._episodes.clock[0] = min(self.clock, rate)
 
     @property
     def clock(self) -> float:

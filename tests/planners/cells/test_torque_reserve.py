@@ -16,10 +16,10 @@ def variant(cell: CoordinationCell, **changes: object) -> CoordinationCell:
 
 
 def test_masses_alone_need_what_they_add(lee1991: CoordinationCell) -> None:
-    """Without friction torques grow as masses do, and feedback overshoots: (1 + 1.15 e) (1 - reserve) = 0.99."""
+    """Without friction torques grow as masses do, and feedback overshoots: (1 + 1.31 e) (1 - reserve) = 0.99."""
     for error in (0.02, 0.05, 0.1, 0.5):
         reserve = needed_torque_reserve(lee1991, error)
-        assert (1.0 + 1.15 * error) * (1.0 - reserve) == pytest.approx(0.99)
+        assert (1.0 + 1.31 * error) * (1.0 - reserve) == pytest.approx(0.99)
     assert needed_torque_reserve(lee1991) == pytest.approx(CONTROL_SHARE)
     assert needed_torque_reserve(lee1991, -0.2) == 0.0
     assert needed_torque_reserve(lee1991, 0.0, 5.0) == pytest.approx(CONTROL_SHARE)  # there is no friction
@@ -35,8 +35,8 @@ def test_friction_of_the_plan_counts_where_it_is_larger() -> None:
         friction = np.abs(arm.damping * speed) + arm.coulomb
         most = max(most, float((friction / arm.torque_max).max()))
     assert most > 0.01
-    assert needed_torque_reserve(cell, 0.0, 0.3) == pytest.approx(CONTROL_SHARE + 1.15 * 0.3 * most, rel=1e-3)
-    both = (1.0 - CONTROL_SHARE) / (1.0 + 1.15 * 0.3)  # all torques grow by as much
+    assert needed_torque_reserve(cell, 0.0, 0.3) == pytest.approx(CONTROL_SHARE + 1.31 * 0.3 * most, rel=1e-3)
+    both = (1.0 - CONTROL_SHARE) / (1.0 + 1.31 * 0.3)  # all torques grow by as much
     assert needed_torque_reserve(cell, 0.3, 0.3) == pytest.approx(1.0 - both)
 
 
@@ -55,10 +55,10 @@ def test_arms_that_hardly_hold_themselves_cannot_be_much_heavier(lee1991: Coordi
 
 
 def test_the_rate_that_holds_is_that_of_heavier_bodies(lee1991: CoordinationCell) -> None:
-    """Without gravity and friction torques go with the square of the rate: (1 + 1.15 e) rate^2 (1 - reserve) = 0.99."""
+    """Without gravity and friction torques go with the square of the rate: (1 + 1.31 e) rate^2 (1 - reserve) = 0.99."""
     for reserve in (0.0, 0.05):
         cell = variant(lee1991, torque_reserve=reserve)
         for error in (0.05, 0.1):
             rate = rate_that_holds(cell, error)
-            assert rate == pytest.approx(math.sqrt(0.99 / (1.0 + 1.15 * error) / (1.0 - reserve)), abs=0.0026)
+            assert rate == pytest.approx(math.sqrt(0.99 / (1.0 + 1.31 * error) / (1.0 - reserve)), abs=0.0026)
     assert rate_that_holds(variant(lee1991, torque_reserve=0.04), 0.02) == 1.0

@@ -25,9 +25,9 @@ def test_the_log_has_the_reserve_that_would_do(lee1991: CoordinationCell, caplog
     assert env.simulation.uncertain.all()
     env.close()
     (line,) = caplog.messages
-    assert "'lee1991' has a torque_reserve of 0, for model_error 0.05 it should be 0.0639" in line
+    assert "'lee1991' has a torque_reserve of 0, for model_error 0.05 it should be 0.0709" in line
     caplog.clear()
-    enough = variant(lee1991, torque_reserve=0.0639)
+    enough = variant(lee1991, torque_reserve=0.0709)
     with caplog.at_level(logging.WARNING, "armtempo"):
         env = CoordinationEnv(enough, physics="bullet", model_error=0.05)
         CoordinationEnv(lee1991, physics="ideal").close()
@@ -62,7 +62,7 @@ def test_the_first_rate_is_one_where_plans_leave_torque(lee1991: CoordinationCel
     rates = []
     for cell in (lee1991, variant(lee1991, torque_reserve=0.02)):
         simulation = CoordinationSimulation(cell, CoordinationOptions(physics="bullet"))
-        rates.append(first_rate(simulation.world))
+        rates.append(first_rate(simulation.world, cell, simulation.options, enough=True))
         assert simulation.clock == rates[-1]
         simulation.reset([0.0, 0.6])
         for _ in range(150):
