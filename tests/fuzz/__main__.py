@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import os
 import sys
 import tempfile
@@ -35,6 +36,7 @@ FUZZERS: dict[str, tuple[Callable[[Path], Any], int]] = {
     "agents": (_files.agent_files, 12),
     "instances": (_files.instance_files, 5),
     "checkpoints": (partial(_late, "_checkpoints", "checkpoint_files"), 5),
+    "journals": (partial(_late, "_journals", "journal_files"), 2),
     "commands": (partial(_late, "_command_line", "command_lines"), 2),
     "coordination": (_environments.environment("armtempo/Coordination-v0", parallel=True), 4),
     "yielding": (_environments.environment("armtempo/Yielding-v0"), 3),
@@ -63,6 +65,7 @@ def _arguments() -> argparse.Namespace:
 
 def main() -> int:
     given = _arguments()
+    logging.disable(logging.WARNING)  # thousands of them
     names = given.names or list(FUZZERS)
     shares = sum(FUZZERS[name][1] for name in names)
     outcomes: list[Outcome] = []
