@@ -95,7 +95,7 @@ def test_a_file_keeps_everything_and_its_bytes_do_not_depend_on_the_day(tmp_path
 
 
 def _write(path: Path, **arrays: Any) -> None:
-    np.savez(path, allow_pickle=True, **arrays)
+    np.savez(path, **arrays)
 
 
 def _header(**changes: Any) -> Any:
