@@ -32,7 +32,8 @@ class Disturbance:
 
     Attributes:
         late_s: How long the arm stands before it obeys [s].
-        speed: The share of its commands that it obeys, above 0, at most 1.
+        speed: The share of ``mu*`` that it takes for the largest speed, above 0, at most 1. In speed mode it so obeys
+            that share of its commands; in acceleration mode the highest ``mu_dot`` is the one that leads to that speed.
         stops: How many stops (whole numbers): each begins at an instant drawn from the arm's minimum time. While one
             lasts the arm brakes and stands. It is asked at the beginning of every control period.
         stop_s: How long a stop lasts [s].
@@ -76,8 +77,9 @@ _FAMILIES = {  # times are shares of the arm's minimum time
     "stop-and-go": Disturbance(stops=(1, 3), stop_s=(0.1, 0.5)),
 }
 DISTURBANCES = (*_FAMILIES, "any")
-"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, obeying 0.4 to
-1 of its commands; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every episode."""
+"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, taking 0.4 to
+1 of ``mu*`` for the largest speed; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every
+episode."""
 
 
 class Draws(NamedTuple):

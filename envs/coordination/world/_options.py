@@ -77,6 +77,11 @@ class CoordinationOptions:
             )
         check_time_limit(self.max_episode_s)
 
+    @property
+    def on_the_way(self) -> bool:
+        """Whether arms may start on the way: what is known of whole paths, as bounds, then says nothing."""
+        return as_range(self.start_phase, "start_phase", 0.999)[1] > 0.0
+
 
 class CoordinationKeywords(TypedDict, total=False):
     """``CoordinationOptions`` as keywords."""

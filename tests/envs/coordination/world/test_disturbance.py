@@ -93,6 +93,26 @@ def test_the_same_seed_draws_the_same_and_episodes_differ(lee1991: CoordinationC
     assert lee1991.clearance.arms(q).distance >= lee1991.planned_clearance
 
 
+@pytest.mark.parametrize("disturbance", ["slow", "any", Disturbance(speed=(0.05, 0.05))])
+def test_in_acceleration_mode_a_slow_arm_arrives(lee1991: CoordinationCell, disturbance: str | Disturbance) -> None:
+    """A share of the command would be braking there: a slow arm takes a share of the largest speed."""
+    shares = []
+    env = CoordinationEnv(
+        lee1991, physics="ideal", mode="acceleration", disturbance=disturbance, shield=True, max_episode_s=20.0
+    )
+    for seed in range(12):
+        _, infos = env.reset(seed=seed)
+        share = infos["arm_0"]["disturbance"]["speed"][0]
+        while env.agents:
+            _, _, _, truncated, _ = env.step({agent: np.ones(1, np.float32) for agent in env.agents})
+            lam, mu = env.simulation.lam[0], env.simulation.mu[0]
+            assert mu <= share * lee1991.planes[0].edge_speed(lam) * 1.001 + 1e-6
+            assert not any(truncated.values())
+        assert env.simulation.lam[0] == lee1991.paths[0].length
+        shares.append(share)
+    assert min(shares) < 0.5
+
+
 def test_a_slow_arm_is_slow_and_a_stopped_one_stands(lee1991: CoordinationCell) -> None:
     full = np.ones((1, 2, 1))
     slow = CoordinationVectorEnv(lee1991, 1, disturbance=Disturbance(speed=(0.5, 0.5)), master_late_s=0.3)
