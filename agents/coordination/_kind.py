@@ -166,7 +166,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         """
         whole = not options.on_the_way
         known = None
-        if (options.disturbance or options.master_late_s) and whole:
+        if (options.disturbance or options.master_late_s) and whole and options.first_alone:
             env = CoordinationEnv(cell, **keywords_of(options))
             try:
                 known = clairvoyant_makespans(env, episodes, seed)
