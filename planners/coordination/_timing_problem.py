@@ -21,6 +21,7 @@ from armtempo.planners.coordination._makespan_bound import (
     pair_bound,
 )
 from armtempo.planners.coordination._pair_delay import pair_delay
+from armtempo.planners.coordination._passing_orders import PassingOrders
 from armtempo.planners.coordination._time_windows import Runs, blocked_runs, pair_is_free
 from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 
@@ -81,6 +82,12 @@ class TimingProblem:
             return IntervalSearch(plane=self.planes[arm], runs_with=lambda other: self.runs(other, arm))
 
         return tuple(search(arm) for arm in self.arms)
+
+    @cached_property
+    def passing_orders(self) -> PassingOrders:
+        """The collision regions of all pairs in the planning charts."""
+        charts = {pair: self.chart_between(*pair) for pair in combinations(self.arms, 2)}
+        return PassingOrders.of_charts([plane.length for plane in self.planes], charts)
 
     @cached_property
     def bound(self) -> MakespanBound:
