@@ -59,9 +59,10 @@ class JointProgram:
     region: Ints
 
     @classmethod
-    def of(cls, problem: TimingProblem, corners: Corners) -> JointProgram:
-        """The program of arms that pass each other at these corners."""
-        parts = [_own_rows(plane.rows, max(p.rows.a.shape[1] for p in problem.planes)) for plane in problem.planes]
+    def of(cls, problem: TimingProblem, corners: Corners, reserve: float = 0.0) -> JointProgram:
+        """The program of arms that pass each other at these corners, and leave a share of their limits unused."""
+        joints = max(plane.rows.a.shape[1] for plane in problem.planes)
+        parts = [_own_rows(plane.rows, joints, reserve) for plane in problem.planes]
         station, rows, cap = (np.concatenate(column) for column in zip(*parts, strict=True))
         first = np.cumsum([0, *(len(own) for own, _, _ in parts)], dtype=np.int64)
         chain = Chain(station, first, rows, cap)
@@ -134,7 +135,7 @@ class JointProgram:
         return makespan(self.problem.fastest)
 
 
-def _own_rows(own: Rows, joints: int) -> tuple[Floats, Floats, Floats]:
+def _own_rows(own: Rows, joints: int, reserve: float) -> tuple[Floats, Floats, Floats]:
     """An arm's stations (S,), rows (S, 2, joints, 5) of the interval behind each, and caps of x (S,)."""
     new = np.diff(own.station) > 0.0
     begins, ends = np.flatnonzero(np.append(new, False)), np.flatnonzero(np.append(False, new))
@@ -143,7 +144,9 @@ def _own_rows(own: Rows, joints: int) -> tuple[Floats, Floats, Floats]:
     rows = np.zeros((len(at), 2, joints, 5))
     rows[..., LOW], rows[..., HIGH] = -np.inf, np.inf
     for e, pick in enumerate((begins, ends)):
-        low, high = own.low[pick], own.high[pick]
+        low, high = (
+            (1.0 - sign * reserve * np.sign(v)) * v for sign, v in ((-1.0, own.low[pick]), (1.0, own.high[pick]))
+        )
         half = np.where(np.isfinite(high - low), 0.5 * (high - low), 1.0)
         a = own.a[pick] / (2.0 * np.diff(station)[:, None])
         values = np.stack([a, own.b[pick], own.r[pick], low, high], axis=-1)

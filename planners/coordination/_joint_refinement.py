@@ -82,7 +82,9 @@ class _Step(NamedTuple):
     z_gaps: Floats
 
 
-def refine(problem: TimingProblem, orders: Orders, *, deadline: float = np.inf) -> Refinement | None:
+def refine(
+    problem: TimingProblem, orders: Orders, *, reserve: float = 0.0, deadline: float = np.inf
+) -> Refinement | None:
     """The motions with which the last arm arrives earliest, if every region is passed as ``orders`` say.
 
     Nothing else is given to it: it begins with slow motions that may well collide.
@@ -90,16 +92,18 @@ def refine(problem: TimingProblem, orders: Orders, *, deadline: float = np.inf) 
     Args:
         problem: Arms that can hold still everywhere on their paths.
         orders: (R,) orders of ``problem.passing_orders``.
+        reserve: Share of the limits to leave unused.
         deadline: Stop then, on the clock of ``time.perf_counter`` [s].
 
     Returns:
-        None if an arm cannot hold still, if a side is impossible, or at the deadline. The motions are not checked: that
-        they keep clear, and inside their limits between stations, is for the caller to see.
+        None if an arm cannot hold still, if a side is impossible or all together a deadlock, or at the deadline. The
+        motions are not checked: that they keep clear, and inside their limits between stations, is for the caller to
+        see.
     """
     corners = corners_of(problem.passing_orders, orders)
     if corners is None or not all(problem.holdable):
         return None
-    return _Solver(JointProgram.of(problem, corners)).solve(deadline)
+    return _Solver(JointProgram.of(problem, corners, reserve)).solve(deadline)
 
 
 @dataclass(eq=False)
@@ -121,7 +125,10 @@ class _Solver:
                 return None
             self.steps += 1
             point, used = self._use_near(point, used)
-            step = self._direction(point, used)
+            try:
+                step = self._direction(point, used)
+            except linalg.LinAlgError:  # so far from anything possible that the numbers do not do: a deadlock
+                return None
             moved, length = self._moved(point, step, used)
             if moved is None:
                 break
@@ -193,7 +200,7 @@ class _Solver:
         arms = np.arange(len(whole) - 1)
         whole[arms, arms] += point.z_waits / point.waits[:-1]
         force = share.T @ solved[:, -1] - np.append(-b / point.waits[:-1], 1.0)
-        waits = linalg.solve(whole, force, assume_a="pos", check_finite=False)
+        waits = np.linalg.solve(whole, force)
         y = solved[:, :-1] @ waits - solved[:, -1]  # minus the new multipliers
         pull = _sums(plus, y, count) - _sums(minus, y, count)
         kernels.back_substitute(chain, places, diagonal, beside, slope, ends, pull, step)
