@@ -219,6 +219,12 @@ def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[
             yield offset(problem, order), order
 
 
+def shift_only(best: Best) -> None:
+    """Plans of start delays and offsets in the order of the cell and in that of the plan, if they are better."""
+    for motions, order in _shifted(best.problem, [best.problem.arms, best.order]):
+        best.take(motions, order)
+
+
 def _take_prioritised(best: Best, orders: list[tuple[int, ...]]) -> None:
     for order in orders:
         if best.is_enough:

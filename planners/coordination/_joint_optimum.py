@@ -12,11 +12,12 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cached_property
 
 import numpy as np
 
 from armtempo.errors import InfeasibleError, InputError, brief
-from armtempo.planners.coordination._best_responses import Best, best_responses, improved, respond
+from armtempo.planners.coordination._best_responses import Best, best_responses, improved, respond, shift_only
 from armtempo.planners.coordination._interval_search import ALL_STAGES
 from armtempo.planners.coordination._joint_bound import RelaxedTimes
 from armtempo.planners.coordination._joint_refinement import refine
@@ -78,6 +79,8 @@ def optimal(
         best_responses(problem, best)
     classes.refine_first(starts)
     classes.refine_beside()
+    if best.motions is not None and len(problem.arms) > 2:
+        shift_only(best)  # the simple plan, where a refined one misses it by rounding
     if best.motions is None:
         raise _no_plan(problem)
     return best.motions, best.order
@@ -88,10 +91,13 @@ class _Classes:
 
     def __init__(self, problem: TimingProblem, best: Best, enough: float, deadline: float) -> None:
         self.problem, self.best, self.enough, self.deadline = problem, best, enough, deadline
-        self.relaxed = RelaxedTimes(problem.fastest, problem.passing_orders.regions)
         self.seen: set[bytes] = set()
         self.refined = 0
         self.open: list[tuple[float, int, Orders]] = []  # makespan without momentum, number, orders
+
+    @cached_property
+    def _relaxed(self) -> RelaxedTimes:
+        return RelaxedTimes(self.problem.fastest, self.problem.passing_orders.regions)
 
     @property
     def is_done(self) -> bool:
@@ -138,7 +144,7 @@ class _Classes:
         orders = np.array(orders, dtype=np.int8)
         if orders.tobytes() not in self.seen:
             self.seen.add(orders.tobytes())
-            value = self.relaxed.makespan(orders)
+            value = self._relaxed.makespan(orders)
             if value < self._latest:
                 self.open.append((value, len(self.seen), orders))
 
@@ -146,9 +152,11 @@ class _Classes:
         """Refine a class, take what keeps clear, and put the classes beside it."""
         reserve = 0.0
         for _ in range(RESERVE_TRIALS):
-            found = refine(self.problem, orders, reserve=reserve, deadline=self.deadline)
+            found = refine(self.problem, orders, reserve=reserve, beat=self._latest, deadline=self.deadline)
             if found is None:
                 return
+            if makespan(found.motions) >= self._latest:
+                break
             excess = max(motion.certificate.excess for motion in found.motions)
             if excess <= LIMIT_EXCESS_MAX:
                 break
@@ -157,7 +165,7 @@ class _Classes:
             return
         if self.problem.is_free(found.motions):
             self.best.take(found.motions)
-        else:
+        elif makespan(found.motions) < self._latest:
             with suppress(InfeasibleError):
                 self.best.take(improved(self.problem, _apart(self.problem, found.motions), ALL_STAGES))
         for region in np.flatnonzero(found.critical > CRITICAL_LEAST):

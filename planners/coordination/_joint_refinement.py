@@ -30,6 +30,7 @@ from armtempo.planners.coordination._timing_problem import Motions, TimingProble
 START_SHARE = 0.6  # of x of the fastest motions: where it begins
 START_WAIT_SHARE = 0.05  # of the longest minimum time: waits and slacks there
 BARRIER_FIRST, BARRIER_LAST = 1e-4, 1e-8  # [s]
+BARRIER_TELLING, HOPELESS_SHARE = 1e-6, 0.015  # below it the makespan falls by no more than that share any more
 BARRIER_FALL = 0.2  # of the mean complementarity: the next barrier, after a step that got on
 MISSED_PER_BARRIER = 3e3  # corners may be missed by that many times the barrier when it falls
 MISSED_MAX = 1e-6  # [s] by which a corner may be missed in the end, a part of its margin
@@ -83,7 +84,12 @@ class _Step(NamedTuple):
 
 
 def refine(
-    problem: TimingProblem, orders: Orders, *, reserve: float = 0.0, deadline: float = np.inf
+    problem: TimingProblem,
+    orders: Orders,
+    *,
+    reserve: float = 0.0,
+    beat: float = np.inf,
+    deadline: float = np.inf,
 ) -> Refinement | None:
     """The motions with which the last arm arrives earliest, if every region is passed as ``orders`` say.
 
@@ -93,6 +99,7 @@ def refine(
         problem: Arms that can hold still everywhere on their paths.
         orders: (R,) orders of ``problem.passing_orders``.
         reserve: Share of the limits to leave unused.
+        beat: A makespan [s]: when this class will not come near it, stop with what there is.
         deadline: Stop then, on the clock of ``time.perf_counter`` [s].
 
     Returns:
@@ -103,7 +110,7 @@ def refine(
     corners = corners_of(problem.passing_orders, orders)
     if corners is None or not all(problem.holdable):
         return None
-    return _Solver(JointProgram.of(problem, corners, reserve)).solve(deadline)
+    return _Solver(JointProgram.of(problem, corners, reserve)).solve(beat, deadline)
 
 
 @dataclass(eq=False)
@@ -114,7 +121,7 @@ class _Solver:
     price: float = MISS_PRICE
     steps: int = 0
 
-    def solve(self, deadline: float) -> Refinement | None:
+    def solve(self, beat: float, deadline: float) -> Refinement | None:
         program = self.program
         point = self._start()
         if point is None:
@@ -135,6 +142,8 @@ class _Solver:
             point = moved
             missed = float(np.abs(point.left.gaps - point.slack)[used].max())
             if self.barrier <= BARRIER_LAST and missed < MISSED_MAX and point.left.gaps.min() > -MISSED_MAX:
+                break
+            if self.barrier <= BARRIER_TELLING and point.waits[-1] > (1.0 + HOPELESS_SHARE) * beat:
                 break
             self._adapt(point, used, length, missed)
         count = program.corners
