@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from armtempo.planners.coordination._best_responses import optimal, prioritised, respond
+from armtempo.planners.coordination._best_responses import prioritised, respond
 from armtempo.planners.coordination._guard import BrakingGuard
 from armtempo.planners.coordination._interval_search import ALL_STAGES, IntervalSearch
 from armtempo.planners.coordination._joint_bound import JointBound, joint_bound
+from armtempo.planners.coordination._joint_optimum import GAP, TIME_LIMIT_S, optimal
+from armtempo.planners.coordination._joint_refinement import Refinement, refine
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
     PairBound,
@@ -22,6 +24,8 @@ from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_v
 
 __all__ = [
     "ALL_STAGES",
+    "GAP",
+    "TIME_LIMIT_S",
     "BrakingGuard",
     "IntervalSearch",
     "JointBound",
@@ -32,6 +36,7 @@ __all__ = [
     "PassingRegion",
     "Precedence",
     "PriorityClass",
+    "Refinement",
     "TimingProblem",
     "VciPlan",
     "VelocityControl",
@@ -46,5 +51,6 @@ __all__ = [
     "pair_is_free",
     "plan_vci",
     "prioritised",
+    "refine",
     "respond",
 ]

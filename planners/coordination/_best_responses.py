@@ -1,4 +1,4 @@
-r"""Plans in which motions are shaped: prioritised, and with every arm free to yield.
+r"""Plans in which motions are shaped arm by arm: prioritised, and with every arm free to yield.
 
 The optimum is sought from above by alternating best responses: with all motions but one fixed, that one is made as
 early as it can be. What they end in depends on where they start, so they start from several plans: the best start
@@ -104,6 +104,30 @@ def improved(problem: TimingProblem, motions: Motions, stages: tuple[Stage, ...]
     return motions
 
 
+class Best:
+    """The best plan so far."""
+
+    def __init__(self, problem: TimingProblem) -> None:
+        self.problem = problem
+        self.enough = (1.0 + CLOSE_ENOUGH_SHARE) * problem.attainable
+        self.motions: Motions | None = None
+        self.order: tuple[int, ...] = ()
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it is not worth improving any more."""
+        return self.motions is not None and makespan(self.motions) <= self.enough
+
+    def take(self, motions: Motions, order: tuple[int, ...] | None = None) -> None:
+        """Take motions, in their order of priority or else of arrival, if they are better and keep clear."""
+        if self.motions is not None and makespan(motions) >= BETTER_SHARE * makespan(self.motions):
+            return
+        if not self.problem.is_free(motions):
+            return
+        arrivals = sorted(self.problem.arms, key=lambda k: (motions[k].duration, k))
+        self.motions, self.order = motions, tuple(arrivals) if order is None else order
+
+
 def _guides(problem: TimingProblem) -> Iterator[tuple[int, Occupancy]]:
     """For two arms: one that is taken to move along the relaxed path, slowed down more and more; and which."""
     chart = problem.chart_between(0, 1)
@@ -142,23 +166,26 @@ def _answered(problem: TimingProblem, arm: int, virtual: Occupancy) -> Motions |
     return (own, answer) if arm == 0 else (answer, own)
 
 
-def _orders(problem: TimingProblem) -> list[tuple[int, ...]]:
+def _orders(problem: TimingProblem, plan: Best) -> list[tuple[int, ...]]:
     """All orders of two arms; of more, what a search over orders with start offsets or, failing that, shapes finds."""
     if len(problem.arms) == 2:
         return [(0, 1), (1, 0)]
-    found = _search_orders(problem, shaped=False) or _search_orders(problem, shaped=True)
+    latest = np.inf if plan.motions is None else makespan(plan.motions)
+    found = _search_orders(problem, latest, shaped=False)
+    if found is None and plan.motions is None:
+        found = _search_orders(problem, latest, shaped=True)
     return [found] if found else []
 
 
-def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] | None:
-    """Depth first over orders that share what they begin with, cut off at the best makespan so far."""
-    best, best_order, nodes = np.inf, None, 0
+def _search_orders(problem: TimingProblem, latest: float, *, shaped: bool) -> tuple[int, ...] | None:
+    """Depth first over orders that share what they begin with, cut off at the best makespan so far, ``latest``."""
+    best, best_order, nodes = latest, None, 0
     enough = (1.0 + CLOSE_ENOUGH_SHARE) * problem.attainable
 
-    def begin(order: tuple[int, ...], planned: dict[int, PhaseTrajectory], latest: float) -> None:
+    def begin(order: tuple[int, ...], planned: dict[int, PhaseTrajectory], so_far: float) -> None:
         nonlocal best, best_order, nodes
         if len(order) == len(problem.arms):
-            best, best_order = latest, order
+            best, best_order = so_far, order
             return
         children = []
         for arm in problem.arms:
@@ -173,7 +200,7 @@ def _search_orders(problem: TimingProblem, *, shaped: bool) -> tuple[int, ...] |
                 )
             except InfeasibleError:
                 continue
-            children.append((max(latest, motion.duration), -problem.fastest[arm].duration, arm, motion))
+            children.append((max(so_far, motion.duration), -problem.fastest[arm].duration, arm, motion))
         for reached, _, arm, motion in sorted(children, key=lambda child: child[:3]):
             if reached < best and best > enough:
                 begin((*order, arm), {**planned, arm: motion}, reached)
@@ -192,31 +219,13 @@ def _shifted(problem: TimingProblem, orders: list[tuple[int, ...]]) -> Iterator[
             yield offset(problem, order), order
 
 
-class _Best:
-    """The best plan so far."""
-
-    def __init__(self, problem: TimingProblem) -> None:
-        self.problem = problem
-        self.enough = (1.0 + CLOSE_ENOUGH_SHARE) * problem.attainable
-        self.motions: Motions | None = None
-        self.order: tuple[int, ...] = ()
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether it is not worth improving any more."""
-        return self.motions is not None and makespan(self.motions) <= self.enough
-
-    def take(self, motions: Motions, order: tuple[int, ...] | None = None) -> None:
-        """Take motions, in their order of priority or else of arrival, if they are better and keep clear."""
-        if self.motions is not None and makespan(motions) >= BETTER_SHARE * makespan(self.motions):
-            return
-        if not self.problem.is_free(motions):
-            return
-        arrivals = sorted(self.problem.arms, key=lambda k: (motions[k].duration, k))
-        self.motions, self.order = motions, tuple(arrivals) if order is None else order
+def shift_only(best: Best) -> None:
+    """Plans of start delays and offsets in the order of the cell and in that of the plan, if they are better."""
+    for motions, order in _shifted(best.problem, [best.problem.arms, best.order]):
+        best.take(motions, order)
 
 
-def _take_prioritised(best: _Best, orders: list[tuple[int, ...]]) -> None:
+def _take_prioritised(best: Best, orders: list[tuple[int, ...]]) -> None:
     for order in orders:
         if best.is_enough:
             return
@@ -224,7 +233,7 @@ def _take_prioritised(best: _Best, orders: list[tuple[int, ...]]) -> None:
             best.take(prioritised(best.problem, order), order)
 
 
-def _take_guided(best: _Best) -> None:
+def _take_guided(best: Best) -> None:
     """For two arms: answers to an arm that is taken to move along the relaxed path, the best two improved."""
     if best.is_enough:
         return
@@ -234,7 +243,7 @@ def _take_guided(best: _Best) -> None:
         best.take(improved(problem, improved(problem, motions, COARSE_STAGES), ALL_STAGES))
 
 
-def _take_stop_and_go(best: _Best) -> None:
+def _take_stop_and_go(best: Best) -> None:
     """For two arms that can hold still, if nothing else is found: one at a time, and what improves it."""
     problem = best.problem
     if best.motions is not None or not all(problem.holdable):
@@ -248,50 +257,17 @@ def _take_stop_and_go(best: _Best) -> None:
     best.take(improved(problem, improved(problem, slow, COARSE_STAGES), ALL_STAGES))
 
 
-def optimal(problem: TimingProblem) -> tuple[Motions, tuple[int, ...]]:
-    """The best plan that is found with all arms free to yield, and its order: of priority, else of arrival.
-
-    With two arms a plan is found wherever the outer chart has a monotone path of free cells and both can hold still.
-
-    Raises:
-        InfeasibleError: ``reason`` is ``certified infeasible``, ``undecided`` (only the chart's undecided cells are in
-            the way) or ``not holdable`` (an arm that cannot stand still would have to).
-    """
-    if np.isinf(problem.bound.time):
-        raise InfeasibleError(
-            "no timing at all keeps the arms apart (certified)",
-            remedy="lower d_min_m, or move a path or a base",
-            reason="certified infeasible",
-        )
-    if len(problem.arms) == 1:
-        return problem.fastest, (0,)
-    best = _Best(problem)
-    if np.isinf(best.enough):
-        raise _no_plan(problem)
-    orders = _orders(problem)
+def best_responses(problem: TimingProblem, best: Best | None = None) -> Best:
+    """The best plan that answering arm by arm finds, if there is one that is better than ``best``, which is updated."""
+    best = Best(problem) if best is None else best
+    before = best.motions
+    orders = _orders(problem, best)
     for motions, order in _shifted(problem, orders):
         best.take(motions, order)
     _take_prioritised(best, orders)
     if len(problem.arms) == 2:
         _take_guided(best)
         _take_stop_and_go(best)
-    if best.motions is not None and not best.is_enough:
+    if best.motions is not None and best.motions is not before and not best.is_enough:
         best.take(improved(problem, best.motions, ALL_STAGES))
-    if best.motions is None:
-        raise _no_plan(problem)
-    return best.motions, best.order
-
-
-def _no_plan(problem: TimingProblem) -> InfeasibleError:
-    still = [name for name, holds in zip(problem.names, problem.holdable, strict=True) if not holds]
-    if still:
-        return InfeasibleError(
-            f"no timing was found, and arm {still[0]!r} cannot hold still everywhere on its path to wait for one",
-            remedy="raise limits.torque_nm, or move a path or a base",
-            reason="not holdable",
-        )
-    return InfeasibleError(
-        "no timing through cells that are certified free was found, and none is ruled out: undecided",
-        remedy="lower chart_tolerance_m or d_min_m, or move a start, an end or a base",
-        reason="undecided",
-    )
+    return best

@@ -41,7 +41,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -254,3 +254,26 @@ def joint_bound(
         sides=found,
         earliest=tuple(zip(lam, np.split(tau, events.first[1:-1]), strict=True)),
     )
+
+
+@final
+class RelaxedTimes:
+    """What sides cost without momentum: the makespan of the earliest times that they allow.
+
+    Args:
+        fastest: Minimum-time motion of every arm.
+        regions: Collision regions of all pairs.
+    """
+
+    def __init__(self, fastest: Sequence[PhaseTrajectory], regions: Sequence[PassingRegion]) -> None:
+        demands, self._possible = _demands(regions)
+        places = _places(len(fastest), demands)
+        theta = [_theta(motion, 0.0, own) for motion, own in zip(fastest, places, strict=True)]
+        self._events = _events(places, theta, demands, len(regions))
+
+    def makespan(self, sides: Orders) -> float:
+        """Of sides (R,) [s]; infinite in a deadlock, or where one of them is impossible."""
+        if not self._possible[np.arange(len(sides)), sides].all():
+            return math.inf
+        events = self._events
+        return earliest(events, sides, np.empty(len(events.theta)), np.empty_like(events.first[1:]))

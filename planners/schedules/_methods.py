@@ -20,7 +20,16 @@ from pathlib import Path
 
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError, brief
 from armtempo.planners.cells import CoordinationCell, as_cell
-from armtempo.planners.coordination import delayed, offset, one_by_one, optimal, plan_vci, prioritised
+from armtempo.planners.coordination import (
+    GAP,
+    TIME_LIMIT_S,
+    delayed,
+    offset,
+    one_by_one,
+    optimal,
+    plan_vci,
+    prioritised,
+)
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.schedules._trapezoidal import trapezoidal
 from armtempo.planners.topp import LIMIT_EXCESS_MAX
@@ -46,8 +55,10 @@ def _interval(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
     return Schedule(method="interval", cell=cell, trajectories=prioritised(cell.timing, order), order=order)
 
 
-def _optimal(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
-    motions, found = optimal(cell.timing)
+def _optimal(
+    cell: CoordinationCell, order: tuple[int, ...], *, gap: float = GAP, time_limit_s: float = TIME_LIMIT_S
+) -> Schedule:
+    motions, found = optimal(cell.timing, gap=gap, time_limit_s=time_limit_s)
     return Schedule(method="optimal", cell=cell, trajectories=motions, order=found)
 
 
@@ -96,7 +107,13 @@ METHODS = tuple(_PLANNERS)
 
 
 def schedule(
-    cell: CoordinationCell | str | Path, method: str, *, order: Sequence[int] | None = None, period: float | None = None
+    cell: CoordinationCell | str | Path,
+    method: str,
+    *,
+    order: Sequence[int] | None = None,
+    period: float | None = None,
+    gap: float | None = None,
+    time_limit_s: float | None = None,
 ) -> Schedule:
     """Plan when every arm of a cell moves.
 
@@ -106,10 +123,14 @@ def schedule(
         order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
             is safe, ``optimal`` does without it.
         period: Step of ``vci`` [s] (default: the cell's control period).
+        gap: ``optimal`` stops when its plan is proven to be within this share of the best (default: 0.005).
+        time_limit_s: ``optimal`` begins no further refinement after so long [s] (default: 10). Unless it ends the
+            search, the same cell gives the same plan, bit by bit.
 
     Raises:
         UnknownNameError: No such method.
-        InputError: ``order`` does not name every arm once, or ``period`` is no period or is given to another method.
+        InputError: ``order`` does not name every arm once, ``period``, ``gap`` or ``time_limit_s`` is out of range, or
+            one of them is given to another method.
         CollisionError: The arms are too close where they start or where they end.
         InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
@@ -119,6 +140,9 @@ def schedule(
         raise UnknownNameError("method", method, METHODS)
     if period is not None and method != "vci":
         raise InputError(f"method {brief(method)} has no period: it is that of 'vci'")
+    limits = {name: value for name, value in (("gap", gap), ("time_limit_s", time_limit_s)) if value is not None}
+    if limits and method != "optimal":
+        raise InputError(f"method {brief(method)} has no {' and no '.join(limits)}: only 'optimal' has")
     arms = tuple(range(len(cell.arms)))
     chosen = arms if order is None else tuple(order) if isinstance(order, Collection) else ()
     if len(chosen) != len(arms) or any(arm not in chosen for arm in arms):
@@ -130,4 +154,6 @@ def schedule(
     cell.check_ends()
     if method == "vci":
         return _vci(cell, chosen, period)
+    if method == "optimal":
+        return _optimal(cell, chosen, **limits)
     return _PLANNERS[method](cell, chosen)

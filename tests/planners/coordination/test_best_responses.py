@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from armtempo.arrays import Bools
 from armtempo.errors import InfeasibleError
 from armtempo.planners import PathDynamics, PhasePlane
-from armtempo.planners.coordination import TimingProblem
-from armtempo.planners.coordination._best_responses import optimal, prioritised
+from armtempo.planners.coordination import TimingProblem, optimal
+from armtempo.planners.coordination._best_responses import prioritised
 from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
 from armtempo.planners.coordination._stop_and_go import rest_to_rest, stop_and_go
 from armtempo.planners.coordination._timing_problem import Motions, makespan

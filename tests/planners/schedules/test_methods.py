@@ -269,6 +269,14 @@ def test_an_order_names_every_arm_once(lee1991: CoordinationCell, order: tuple[i
         schedule(lee1991, "delay", order=order)
 
 
+def test_gap_and_time_limit_are_only_for_the_optimum(lee1991: CoordinationCell) -> None:
+    with pytest.raises(InputError, match="'delay' has no gap"):
+        schedule(lee1991, "delay", gap=0.01)
+    with pytest.raises(InputError, match="gap -1"):
+        schedule(lee1991, "optimal", gap=-1.0)
+    assert schedule(lee1991, "optimal", gap=0.02, time_limit_s=5.0).gap_percent <= 2.0
+
+
 def test_a_period_is_only_for_vci(lee1991: CoordinationCell) -> None:
     with pytest.raises(InputError, match="'delay' has no period"):
         schedule(lee1991, "delay", period=0.01)
