@@ -36,6 +36,10 @@ def lets_all_arrive(cell: CoordinationCell) -> bool:
     regions = [PassingRegion(*pair, region) for pair in pairs for region in charts[pair].cores]
 
     def leads_on(sides: list[int]) -> bool:
+        if sides:  # a precedence lets who has not started wait on the border of his first cell, but he is in it
+            last = regions[len(sides) - 1].region
+            if (last.begin_b, last.begin_a)[sides[-1]] == 0:
+                return False
         decided = PassingOrders(
             lengths=empty.lengths, resolutions=empty.resolutions, regions=tuple(regions[: len(sides)])
         )
