@@ -12,12 +12,19 @@ from armtempo.errors import CollisionError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
 from armtempo.planners.cells._cell import CellBase, Sweep, sweeps_along
 from armtempo.planners.charts import CoordinationChart, check_path
-from armtempo.planners.coordination import MakespanBound, PassingOrders, PriorityClass, TimingProblem
+from armtempo.planners.coordination import (
+    MakespanBound,
+    PassingOrders,
+    PriorityClass,
+    TimingProblem,
+    pairs_to_refine,
+)
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, refined_plane
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
+MOST_HALVINGS = 2  # of the side of a chart's cells, where undecided ones cost time
 CONTROL_SHARE = 0.01
 """Of a torque limit, for what a motion in ticks needs beyond the smooth one: 0.6 % in planar-four."""
 
@@ -119,27 +126,46 @@ class CoordinationCell(CellBase[CellConfig]):
         return sum(motion.duration for motion in self.fastest)
 
     @cached_property
-    def _charts(self) -> dict[tuple[int, int, float], CoordinationChart]:
+    def _charts(self) -> dict[tuple[int, int, float, int], CoordinationChart]:
         return {}  # filled as pairs are asked for
 
-    def _chart(self, i: int, j: int, d_min: float) -> CoordinationChart:
+    def _chart(self, i: int, j: int, d_min: float, halvings: int | None = None) -> CoordinationChart:
+        """``halvings``: of the side that the file asks for; None: as many as the pair has."""
         if i == j or not (0 <= i < len(self.arms) and 0 <= j < len(self.arms)):
             raise InputError(f"cell {self.name!r} has no pair of arms {(i, j)}; it has {len(self.arms)} arms")
         if i > j:
-            return self._chart(j, i, d_min).swapped
-        if (i, j, d_min) not in self._charts:
-            self._charts[i, j, d_min] = CoordinationChart.build(
-                self.arms[i],
-                self.paths[i],
-                self.arms[j],
-                self.paths[j],
-                d_min,
-                self.config.chart_tolerance(max(self.paths[k].length for k in (i, j))),
+            return self._chart(j, i, d_min, halvings).swapped
+        if halvings is None:
+            halvings = self._halvings[i, j]
+        if (i, j, d_min, halvings) not in self._charts:
+            tolerance = self.config.chart_tolerance(max(self.paths[k].length for k in (i, j)))
+            self._charts[i, j, d_min, halvings] = CoordinationChart.build(
+                self.arms[i], self.paths[i], self.arms[j], self.paths[j], d_min, tolerance / 2**halvings
             )
-        return self._charts[i, j, d_min]
+        return self._charts[i, j, d_min, halvings]
+
+    @cached_property
+    def _halvings(self) -> dict[tuple[int, int], int]:
+        """Per pair, how often cells of its charts are halved: again and again while undecided cells cost time."""
+        halvings = dict.fromkeys(combinations(range(len(self.arms)), 2), 0)
+        for _ in range(MOST_HALVINGS):
+            charts = {pair: self._chart(*pair, self.planned_clearance, times) for pair, times in halvings.items()}
+            costly = pairs_to_refine(self.fastest, charts)
+            if not costly:
+                break
+            for pair in costly:
+                halvings[pair] += 1
+        return halvings
+
+    def chart_as_given(self, i: int, j: int) -> CoordinationChart:
+        """The planning chart of arms i and j in cells as large as the file has them, however much is undecided."""
+        return self._chart(i, j, self.planned_clearance, 0)
 
     def chart_between(self, i: int, j: int) -> CoordinationChart:
-        """Coordination chart of arms i and j for planning, first index along path i: at ``d_min`` plus the reserve."""
+        """Coordination chart of arms i and j for planning, first index along path i: at ``d_min`` plus the reserve.
+
+        Its cells are those of the cell's file, or up to four times smaller where undecided ones would cost time.
+        """
         return self._chart(i, j, self.planned_clearance)
 
     def bound_chart_between(self, i: int, j: int) -> CoordinationChart:

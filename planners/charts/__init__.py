@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from armtempo.planners.charts._clearance_table import ClearanceTable, clearance_table, tabulated_clearance
-from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, CoordinationChart
+from armtempo.planners.charts._coordination_chart import (
+    BLOCKED,
+    FREE,
+    MAX_RESOLUTION,
+    UNDECIDED,
+    CoordinationChart,
+)
 from armtempo.planners.charts._path_certificate import check_path
 from armtempo.planners.charts._regions import CollisionRegion, cells_at, limit_at
 
@@ -13,6 +19,8 @@ __all__ = [
     "CollisionRegion",
     "CoordinationChart",
     "FREE",
+    "MAX_RESOLUTION",
+    "UNDECIDED",
     "cells_at",
     "check_path",
     "clearance_table",

@@ -28,7 +28,7 @@ from armtempo.planners.geometry import number
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm
 
-__all__ = ["BLOCKED", "FREE", "UNDECIDED", "CoordinationChart"]
+__all__ = ["BLOCKED", "FREE", "MAX_RESOLUTION", "UNDECIDED", "CoordinationChart"]
 
 MAX_RESOLUTION = 4096
 CHART_VERSION = 2  # of the certification: raise it when the same input may get another chart

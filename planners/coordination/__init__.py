@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.planners.coordination._best_responses import prioritised, respond
+from armtempo.planners.coordination._chart_refinement import pairs_to_refine
 from armtempo.planners.coordination._guard import BrakingGuard
 from armtempo.planners.coordination._interval_search import ALL_STAGES, IntervalSearch
 from armtempo.planners.coordination._joint_bound import JointBound, joint_bound
@@ -49,6 +50,7 @@ __all__ = [
     "optimal",
     "pair_bound",
     "pair_is_free",
+    "pairs_to_refine",
     "plan_vci",
     "prioritised",
     "refine",

@@ -220,6 +220,10 @@ def pair_bound(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: Co
     """
     longest = max(fastest_a.duration, fastest_b.duration)
     shut, h = _warp(fastest_a, fastest_b, chart, free_only=False, every=True)
+    if not shut.any():  # most pairs of many arms never meet
+        rows = np.arange(max(shut.shape))[:, None]
+        path = h * np.maximum(rows - (len(rows) - np.array(shut.shape)), 0)
+        return PairBound(time=longest, first_times=(longest, longest), path=path, step=h)
     cells = np.empty(shut.shape, dtype=np.int32)
 
     def length(count: int) -> float:

@@ -234,7 +234,7 @@ def _conflicts(cell: CoordinationCell) -> bool:
     meeting = {
         arm
         for i, j in combinations(range(len(cell.arms)), 2)
-        if not pair_is_free(cell.chart_between(i, j), cell.fastest[i], cell.fastest[j])
+        if not pair_is_free(cell.chart_as_given(i, j), cell.fastest[i], cell.fastest[j])
         for arm in (i, j)
     }
     return len(meeting) == len(cell.arms)

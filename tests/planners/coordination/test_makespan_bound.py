@@ -103,6 +103,19 @@ def test_it_is_infinite_exactly_where_a_wall_stands(motions: Motions) -> None:
     assert math.isfinite(makespan_bound(*motions, chart_of(((10, 12), (1, CELLS)))))
 
 
+def test_arms_that_never_meet_go_side_by_side_and_the_quicker_one_starts_later(motions: Motions) -> None:
+    quick = motions[0]
+    slow = PhaseTrajectory(lam=quick.lam, mu=0.5 * quick.mu, time=2.0 * quick.time, dynamics=quick.dynamics)
+    found = pair_bound(slow, motions[0], chart_of())
+    assert found.time == found.first_times[0] == found.first_times[1] == slow.duration
+    assert found.path is not None
+    np.testing.assert_array_equal(found.path[0], [0.0, 0.0])
+    np.testing.assert_allclose(found.path[-1], [slow.duration - found.step, LONGEST - found.step], atol=1e-9)
+    aside = pair_bound(slow, motions[0], chart_of(((0, 1), (CELLS - 1, CELLS))))  # a region in nobody's way
+    assert aside.path is not None
+    np.testing.assert_array_equal(aside.path, found.path)
+
+
 def test_undecided_cells_count_only_for_plans_in_free_cells(motions: Motions) -> None:
     chart = chart_of(((8, 24), (8, 24)), state=1)
     assert makespan_bound(*motions, chart) == pytest.approx(LONGEST)

@@ -170,7 +170,8 @@ def test_the_bound_is_below_every_plan_and_close(plans: dict[str, Schedule], lee
 
 def with_chart(cell: CoordinationCell, states: Floats) -> CoordinationCell:
     copy = dataclasses.replace(cell)
-    copy.__dict__["_charts"] = {(0, 1, cell.planned_clearance): chart_of(states, cell.chart)}
+    copy.__dict__["_charts"] = {(0, 1, cell.planned_clearance, 0): chart_of(states, cell.chart)}
+    copy.__dict__["_halvings"] = {(0, 1): 0}
     return copy
 
 
@@ -320,7 +321,7 @@ def test_h_certified_infeasible_is_what_every_method_reports(lee1991: Coordinati
     states = np.zeros((128, 128))
     states[30:34, :] = 2
     cell = with_chart(lee1991, states)
-    cell.__dict__["_charts"][0, 1, cell.d_min] = cell.chart
+    cell.__dict__["_charts"][0, 1, cell.d_min, 0] = cell.chart
     assert cell.priority_class == "infeasible"
     assert cell.lower_bound == math.inf
     for method in METHODS:
