@@ -201,7 +201,10 @@ def test_of_two_arms_it_is_no_less_than_the_pairs_bound(alone: TimingProblem, bl
     one, other, _ = alone.fastest
     pair, joint = makespan_bound(one, other, chart), joint_bound((one, other), regions).time
     assert joint >= pair * (1.0 - 1e-8)
-    assert math.isinf(joint) or not math.isinf(pair)  # blocked cells that touch at a corner let nobody through
+    occupied = states_of(blocked) == 2
+    if (occupied[:-1, 1:] & occupied[1:, :-1]).any():
+        return  # cells that touch at a corner let nobody through, but for the pair's bound
+    assert math.isinf(pair) == math.isinf(joint)
     if math.isfinite(pair):
         assert joint <= pair + 0.02  # steps of 1 ms, a few of them lost at every corner
 
