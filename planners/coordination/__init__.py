@@ -12,6 +12,7 @@ from armtempo.planners.coordination._makespan_bound import (
     makespan_bound,
     pair_bound,
 )
+from armtempo.planners.coordination._order_search import OrderSearch
 from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
 from armtempo.planners.coordination._precedence import Precedence
 from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
@@ -25,6 +26,7 @@ __all__ = [
     "IntervalSearch",
     "MakespanBound",
     "Motions",
+    "OrderSearch",
     "PairBound",
     "PassingOrders",
     "PassingRegion",
