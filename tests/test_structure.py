@@ -113,6 +113,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/envs/coordination/shield/test_shield.py": (
         "envs/coordination/_shield_wrappers.py",
+        "envs/coordination/shield/_admission.py",
         "envs/coordination/shield/_batch.py",
         "envs/coordination/shield/_kernels.py",
         "envs/coordination/shield/_trial.py",

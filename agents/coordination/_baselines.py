@@ -23,9 +23,10 @@ import numpy as np
 
 from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, to_action
 from armtempo.arrays import Floats
-from armtempo.envs import OTHER, OWN, CoordinationEnv, share
-from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Execution, Schedule, execution_of, schedule
+from armtempo.envs import OTHER, OWN, CoordinationEnv, EpisodeShield, share
+from armtempo.errors import InfeasibleError, UnknownNameError
+from armtempo.planners import METHODS, CoordinationCell, Execution, Precedence, Schedule, execution_of, schedule
+from armtempo.planners.schedules import PrecedenceExecution
 from armtempo.planners.topp import Mode
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
@@ -68,9 +69,29 @@ class PhasePlanePolicy:
         return {agent: to_action(1.0) for agent in observations}
 
 
+def _under(shield: EpisodeShield, execution: Execution, env: CoordinationEnv, lam: Floats) -> Execution:
+    """An execution that goes on within the order that a shield keeps when it is handed the execution's own.
+
+    Where the one would make arms wait that the other lets pass, and the other way round, they would wait for ever:
+    then what was planned is given up, and every arm goes as far as the shield's order lets it.
+    """
+    own = getattr(execution, "precedence", None)
+    if not isinstance(own, Precedence):
+        return execution
+    shield.ask(own)
+    kept = shield.precedence
+    try:
+        own.together(kept).check_deadlock_free(lam)
+    except InfeasibleError:
+        return PrecedenceExecution(env.cell, kept, env.options.mode)
+    return execution
+
+
 @final
 class ExecutionPolicy:
     """Acts by an execution of the planners, made anew where the meaning of a command changes.
+
+    Under a shield (``env.shield``) it hands over who passes first in it, and keeps to what the shield makes of that.
 
     Args:
         make: Gives it for a mode: ``partial(execution_of, plan)``, ``partial(VciExecution, cell)``.
@@ -86,9 +107,13 @@ class ExecutionPolicy:
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """The execution's commands, for those who act."""
+        lam, mu = _states(observations, env)
         if self._mode != env.options.mode:
             self._execution, self._mode = self._make(env.options.mode), env.options.mode
-        commands = self._execution.commands(*_states(observations, env))
+            shield = getattr(env, "shield", None)
+            if shield is not None:
+                self._execution = _under(shield, self._execution, env, lam)
+        commands = self._execution.commands(lam, mu)
         return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
