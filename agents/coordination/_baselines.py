@@ -6,7 +6,8 @@ than was expected
 ``random``       uniform actions
 and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``offset``, ``interval``,
 ``optimal``), executed by precedence: whoever goes second somewhere is released by how far the first *is*, not by the
-clock. So is a plan of ``vci`` in which somebody passes first out of turn.
+clock. So is a plan of ``vci`` in which somebody passes first out of turn. Under a shield, besides, those that decide
+who passes first on the way (see ``_order_policies``).
 
 What an agent sees tells where its own arm is, so in ``CoordinationEnv`` the observations of all agents are enough. Who
 acts for some agents only takes the other arm of a cell of two from their entries for it; of more arms the entries do
@@ -21,6 +22,7 @@ from typing import final
 
 import numpy as np
 
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
 from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import OTHER, OWN, CoordinationEnv, EpisodeShield, share
@@ -117,7 +119,7 @@ class ExecutionPolicy:
         return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
-COORDINATION_POLICIES = ("phase-plane", *METHODS, "random")
+COORDINATION_POLICIES = ("phase-plane", *METHODS, *ORDER_POLICIES, "random")
 
 
 def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy[Observations, Actions]:
@@ -136,6 +138,8 @@ def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None)
         return PhasePlanePolicy()
     if name == "random":
         return RandomPolicy()
+    if name in ORDER_POLICIES:
+        return OrderPolicy(name, cell)
     if name in METHODS:
         plan = plan if plan is not None else schedule(cell, name)
         return ExecutionPolicy(partial(execution_of, plan))

@@ -93,6 +93,23 @@ class OrderSearch:
         shape = (len(good), len(self.regions.regions))
         return np.array([orders for _, orders in good], dtype=np.int8).reshape(shape), np.array([p for p, _ in good])
 
+    def turned(self, lam: Floats, to_go: Floats, starts: Sequence[Orders]) -> tuple[NDArray[np.int8], Floats]:
+        """As ``best``: the cheapest of ``starts`` (R,), then with one region after the other turned while that pays."""
+        lags(self._tables, lam, to_go, self._lag)
+        found = [min(((self._price(to_go, row), row) for row in starts), key=lambda one: one[0])]
+        while True:
+            tried = []
+            for r in np.flatnonzero(np.isfinite(self._lag).all(axis=1)):
+                turned = found[-1][1].copy()
+                turned[r] = 1 - turned[r]
+                tried.append((self._price(to_go, turned), turned))
+            best = min(tried, key=lambda one: one[0], default=found[-1])
+            if not best[0] < found[-1][0]:
+                break
+            found.append(best)
+        found.reverse()
+        return np.array([row for _, row in found], dtype=np.int8), np.array([price for price, _ in found])
+
     def _ranks(self, to_go: Floats) -> list[tuple[int, ...]]:
         """All orders of few arms; of many, the longest first, and with one arm taken to any other place."""
         arms = range(len(to_go))

@@ -391,6 +391,11 @@ class EpisodeShield(Stateful):
         return admitted
 
     @property
+    def change(self) -> Floats:
+        """(A,) how much of each command was taken off in the last period."""
+        return self._change.copy()
+
+    @property
     def orders(self) -> Orders:
         """(R,) who passes first in each collision region, now; see ``Shield``. A new array."""
         return self.shield.orders.copy()
