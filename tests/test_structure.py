@@ -68,6 +68,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/test_cache.py": ("planners/charts/_motion_content.py",),
     "tests/planners/coordination/test_order_search.py": ("planners/coordination/_order_kernels.py",),
     "tests/planners/coordination/test_interval_search.py": ("planners/coordination/_interval_kernels.py",),
+    "tests/planners/coordination/test_joint_bound.py": ("planners/coordination/_joint_bound_kernels.py",),
     "tests/planners/schedules/test_methods.py": ("planners/schedules/_schedule.py",),
     "tests/planners/ik/test_feedback.py": (
         "planners/ik/_error_bounds.py",

@@ -160,9 +160,13 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
 
         ``clairvoyant_s``, behind a disturbed first arm: in each episode, the makespan of who knows of the disturbance
         beforehand and lets the first arm pass undelayed [s]. Where the first arm yields, less may be possible.
+
+        Where episodes start on the way nothing is held against that, the bound or the sequential time: all are of whole
+        paths.
         """
+        whole = not options.on_the_way
         known = None
-        if (options.disturbance or options.master_late_s) and not options.start_phase:
+        if (options.disturbance or options.master_late_s) and whole and options.first_alone:
             env = CoordinationEnv(cell, **keywords_of(options))
             try:
                 known = clairvoyant_makespans(env, episodes, seed)
@@ -172,12 +176,16 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         compared = {
             name: replace(
                 result,
+                saving_percent=result.saving_percent if whole else None,
+                gap_percent=result.gap_percent if whole else None,
+                plan_gap_percent=result.plan_gap_percent if whole else None,
                 regret_percent=_regret(result.makespans_s, known or ()),
                 **_ratio(result.makespans_s, results[best].makespans_s if best else None, seed),
             )
             for name, result in results.items()
         }
-        return compared, {"clairvoyant_s": known, "best_online": best}
+        facts: dict[str, object] = {"clairvoyant_s": known, "best_online": best}
+        return compared, facts if whole else {**facts, "sequential_s": None, "lower_bound_s": None}
 
 
 def best_online(results: Mapping[str, CoordinationResult], episodes: int) -> str | None:

@@ -23,7 +23,8 @@ class CoordinationResult:
         ratio_to_best_online: Mean makespan over that of the best classical on-line policy, over the episodes that both
             finished; None without such episodes.
         ratio_interval: 95 % bootstrap interval of that ratio.
-        saving_percent: Share of the sequential time (minimum times added) that it saves.
+        saving_percent: Share of the sequential time (minimum times added) that it saves. None where episodes start on
+            the way, and so is
         gap_percent: How far the simulated makespan is above the certified bound.
         regret_percent: How far the mean makespan is above that of who knows beforehand what happens to the first arm.
         plan_gap_percent: How far that of the plan is.
@@ -49,8 +50,8 @@ class CoordinationResult:
         "ratio to\n{best_online}", interval="ratio_interval", several=True, known=True
     )
     ratio_interval: Interval | None = figure()
-    saving_percent: float | None = figure("saving\n[%]", digits=1)
-    gap_percent: float | None = figure("gap\n[%]", digits=2)
+    saving_percent: float | None = figure("saving\n[%]", digits=1, known=True)
+    gap_percent: float | None = figure("gap\n[%]", digits=2, known=True)
     regret_percent: float | None = figure("regret\n[%]", digits=2, known=True)
     plan_gap_percent: float | None = figure()
     min_clearance_m: float | None = figure("clear.\n[mm]", digits=2, scale=1e3, least="d_min_m")

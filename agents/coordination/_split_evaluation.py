@@ -155,7 +155,7 @@ def compare_on(
             priority get the order of the arms with the better plan.
         episodes: Per cell and policy; without a disturbance one says it all.
         seed: Of the first episode.
-        disturbance: Of the first arm, by name.
+        disturbance: By name, see ``DISTURBANCES``.
         physics: ``ideal`` or ``bullet``.
         on_cell: Called with the name of each cell when it is done.
 
@@ -172,7 +172,7 @@ def compare_on(
     for cell in cells:
         env = CoordinationEnv(cell, physics=physics, shield=True, disturbance=disturbance, record=True)
         try:
-            compared.append(_compare(env, policies, episodes, seed, disturbance is not None))
+            compared.append(_compare(env, policies, episodes, seed))
         finally:
             env.close()
         if on_cell is not None:
@@ -180,9 +180,7 @@ def compare_on(
     return SplitComparison(cells=tuple(compared), seed=seed)
 
 
-def _compare(
-    env: CoordinationEnv, policies: Sequence[str], episodes: int, seed: int, disturbed: bool
-) -> CellComparison:
+def _compare(env: CoordinationEnv, policies: Sequence[str], episodes: int, seed: int) -> CellComparison:
     cell = env.cell
     makespans: dict[str, Times] = {}
     violations: dict[str, int] = {}
@@ -198,7 +196,7 @@ def _compare(
         priority_class=cell.priority_class,
         makespans_s=makespans,
         violations=violations,
-        clairvoyant_s=_known(env, episodes, seed, disturbed),
+        clairvoyant_s=_known(env, episodes, seed),
     )
 
 
@@ -225,10 +223,10 @@ def _best_plan(cell: CoordinationCell, method: str) -> Schedule | None:
     return min(plans, key=lambda plan: plan.makespan, default=None)
 
 
-def _known(env: CoordinationEnv, episodes: int, seed: int, disturbed: bool) -> tuple[float, ...] | None:
-    """Makespans of who knows what will happen; the first arm, where it is disturbed, does not yield."""
-    if disturbed:
-        return clairvoyant_makespans(env, episodes, seed)
+def _known(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:
+    """Makespans of who knows what will happen; the first arm, where it alone is disturbed, does not yield."""
+    if env.options.disturbance is not None:
+        return clairvoyant_makespans(env, episodes, seed) if env.options.first_alone else None
     try:
         return (schedule(env.cell, OPTIMAL).makespan,) * episodes
     except InfeasibleError:

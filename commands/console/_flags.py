@@ -23,7 +23,10 @@ Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 AllNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="(default: all)")]
 Seed = Annotated[int, tyro.conf.arg(metavar="K")]
 PhysicsName = Literal["bullet", "ideal"]
-DisturbanceName = Annotated[Literal["none", "late", "slow", "stop-and-go", "any"], tyro.conf.arg(metavar="NAME")]
+DisturbanceName = Annotated[
+    Literal["none", "late", "slow", "stop-and-go", "any", "all-late", "all-slow", "all-stop-and-go", "all-any"],
+    tyro.conf.arg(metavar="NAME"),
+]
 
 
 def check_seed(seed: int | None, most: int = 2**63 - 1) -> None:

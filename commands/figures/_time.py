@@ -188,7 +188,7 @@ def time_lines(
     Args:
         cell: Whose arms they are.
         speeds: By policy: instants (T,) [s], mu (T, arms), arrival (arms,) [s] (NaN: never).
-        bound: Certified lower bound on the makespan [s].
+        bound: Certified lower bound on the makespan [s]; NaN: none.
         title: Of the figure.
     """
     figure = new_figure(8.6, 1.3 + 0.82 * len(speeds))
@@ -255,7 +255,7 @@ def simulated_speeds(trace: CoordinationTrace) -> tuple[Floats, Floats, Floats]:
 
 
 def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: float, sequential: float) -> None:
-    """Makespans, the quickest at the top, with saving; policies that do not finish at the bottom."""
+    """Makespans, the quickest at the top, with saving if known; policies that do not finish at the bottom."""
     ordered = sorted(results.items(), key=lambda item: item[1].makespan_s or np.inf)
     longest = max([result.makespan_s or 0.0 for _, result in ordered] + [sequential])
     for row, (name, result) in enumerate(ordered):
@@ -281,8 +281,6 @@ def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: flo
         saved = result.saving_percent or 0.0
         word = f"{result.makespan_s:.3f} s" + (f"  {-saved:+.0f} %".replace("-", "−") if abs(saved) >= 0.5 else "")
         axes.annotate(word, (result.makespan_s, -row), (5, 0), textcoords="offset points", va="center", fontsize=9)
-    if np.isfinite(bound):
-        axes.axvline(bound, color=INK, linewidth=1.0, linestyle=(0, (4, 3)))
     axes.set_yticks(
         [-row for row in range(len(ordered))], [name.replace("constant-", "constant-\n") for name, _ in ordered]
     )
@@ -294,7 +292,11 @@ def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: flo
         xlim=(0.0, 1.30 * longest),
         ylim=(-0.1 - len(ordered), 0.6),
     )
-    axes.set_title("Makespan, and what it saves against one after the other")
+    known = any(result.saving_percent is not None for result in results.values())
+    axes.set_title("Makespan" + (", and what it saves against one after the other" if known else ""))
+    if not np.isfinite(bound):
+        return
+    axes.axvline(bound, color=INK, linewidth=1.0, linestyle=(0, (4, 3)))
     axes.annotate(
         f"certified bound {bound:.3f} s",
         (bound, 0.0),
@@ -354,7 +356,8 @@ def overview(evaluation: CoordinationEvaluation) -> Figure:
         lines = _draw_clearance(clearance_axes, cell, curves, emphasised)
         clearance_axes.set_title("Clearance over time")
         figure.legend(handles=lines, loc="outside lower center", ncols=len(lines))
-    _draw_bars(bar_axes, results, cell.lower_bound, cell.sequential_makespan)
+    bound = np.nan if evaluation.options.on_the_way else cell.lower_bound
+    _draw_bars(bar_axes, results, bound, cell.sequential_makespan)
     name = emphasised if emphasised in safe else next(iter(safe), emphasised)
     if (trace := results[name].trace) is not None:
         _draw_torque_shares(torque_axes, cell, trace, name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -47,9 +48,11 @@ def _milliseconds(late: float | tuple[float, float]) -> str:
 def caption(evaluation: CoordinationEvaluation) -> str:
     """What makespans and clearances are held against."""
     cell = evaluation.cell
+    said = f"d_min {1e3 * cell.d_min:g} mm, plans keep {1e3 * cell.clearance_reserve:g} mm more"
+    if evaluation.options.on_the_way:
+        return said
     return (
-        f"certified lower bound {cell.lower_bound:.4f} s; one after the other {cell.sequential_makespan:.4f} s; "
-        f"d_min {1e3 * cell.d_min:g} mm, plans keep {1e3 * cell.clearance_reserve:g} mm more"
+        f"certified lower bound {cell.lower_bound:.4f} s; one after the other {cell.sequential_makespan:.4f} s; {said}"
     )
 
 
@@ -109,7 +112,8 @@ def _about_the_arms(evaluation: CoordinationEvaluation) -> str:
     quickest = next(iter(good))
     rival = good[quickest].makespan_s
     if rival is not None and quickest != name and rival < r.makespan_s - TIED_MAKESPANS:
-        text += f" ({quickest}, the quickest: {number(good[quickest].gap_percent, 1)} %)"
+        gap = good[quickest].gap_percent
+        text += f" ({quickest}, the quickest: " + (f"{rival:.3f} s)" if gap is None else f"{number(gap, 1)} %)")
     wrong = [policy for policy, result in evaluation.results.items() if result.violations]
     text += f". Too close: {', '.join(wrong)}." if wrong else ". No arm ever came closer than d_min."
     return text
@@ -122,13 +126,14 @@ def evaluation_figures(evaluation: CoordinationEvaluation) -> dict[str, Figure]:
     from armtempo.commands.figures import _time as _time_figures
 
     cell, results = evaluation.cell, evaluation.results
+    bound = math.nan if evaluation.options.on_the_way else cell.lower_bound
     schedules = {name: r.schedule for name, r in results.items() if r.schedule is not None}
     traces = {name: r.trace for name, r in results.items() if r.trace is not None}
     emphasised = _time_figures.best_shown(_finished(results) or results)
     figures = {
         "overview": _time_figures.overview(evaluation),
         "time_lines": _time_figures.time_lines(
-            cell, {name: _time_figures.simulated_speeds(trace) for name, trace in traces.items()}, cell.lower_bound
+            cell, {name: _time_figures.simulated_speeds(trace) for name, trace in traces.items()}, bound
         ),
         "workspace": _space_figures.workspace(cell),
     }

@@ -169,6 +169,11 @@ class CoordinationChart:
         """The collision regions: sets of cells that are not free and touch, at corners at least."""
         return collision_regions(self.states != FREE, self.step_a, self.step_b)
 
+    @cached_property
+    def cores(self) -> tuple[CollisionRegion, ...]:
+        """Likewise of cells that are certified blocked: whatever the others are, nothing gets through these."""
+        return collision_regions(self.states == BLOCKED, self.step_a, self.step_b)
+
     @property
     def regions(self) -> int:
         """Number of collision regions."""

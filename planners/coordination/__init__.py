@@ -5,6 +5,7 @@ from __future__ import annotations
 from armtempo.planners.coordination._best_responses import optimal, prioritised, respond
 from armtempo.planners.coordination._guard import BrakingGuard
 from armtempo.planners.coordination._interval_search import ALL_STAGES, IntervalSearch
+from armtempo.planners.coordination._joint_bound import JointBound, joint_bound
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
     PairBound,
@@ -24,6 +25,7 @@ __all__ = [
     "ALL_STAGES",
     "BrakingGuard",
     "IntervalSearch",
+    "JointBound",
     "MakespanBound",
     "Motions",
     "OrderSearch",
@@ -37,6 +39,7 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "delayed",
+    "joint_bound",
     "makespan",
     "makespan_bound",
     "offset",

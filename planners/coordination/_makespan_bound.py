@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.charts import BLOCKED, FREE, CoordinationChart
+from armtempo.planners.coordination._joint_bound import JointBound
 from armtempo.planners.topp import PhaseTrajectory
 from armtempo.robots import njit
 
@@ -65,7 +66,8 @@ class MakespanBound:
     """Lower bound on the makespan of all arms, and what it rests on.
 
     Attributes:
-        time: The bound [s]: the largest of all pairs, each of which is one.
+        time: The bound [s]: of all arms together, as far as that search came, and of every pair.
+        joint: The search over who passes first, all arms together.
         pairs: Per pair (i, j), i < j, its relaxed search.
         classes: Per pair ``free``: minimum-time motions started together keep clear; ``uniform``: with one
             arm first through every region a start delay is within 3 % of the bound; ``mixed``: it is not;
@@ -74,6 +76,7 @@ class MakespanBound:
     """
 
     time: float
+    joint: JointBound
     pairs: Mapping[tuple[int, int], PairBound]
     classes: Mapping[tuple[int, int], PriorityClass]
     natural: Mapping[tuple[int, int], tuple[bool, bool]]
@@ -82,7 +85,7 @@ class MakespanBound:
     def priority_class(self) -> PriorityClass:
         """The class of all arms together; uniform pairs whose natural orders go round in a circle are ``mixed``."""
         classes = set(self.classes.values())
-        if "infeasible" in classes:
+        if "infeasible" in classes or math.isinf(self.time):
             return "infeasible"
         if "mixed" in classes:
             return "mixed"

@@ -13,14 +13,15 @@ import numpy as np
 from armtempo.errors import InfeasibleError
 from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination._interval_search import IntervalSearch
+from armtempo.planners.coordination._joint_bound import MOST_NODES, JointBound, Report, joint_bound
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
     PairBound,
     PriorityClass,
-    makespan_bound,
     pair_bound,
 )
 from armtempo.planners.coordination._pair_delay import pair_delay
+from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
 from armtempo.planners.coordination._time_windows import Runs, blocked_runs, pair_is_free
 from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 
@@ -83,16 +84,53 @@ class TimingProblem:
         return tuple(search(arm) for arm in self.arms)
 
     @cached_property
+    def _bound_motions(self) -> tuple[tuple[PhaseTrajectory, float], ...]:
+        return tuple((m, 0.0) for m in self.fastest) if self.bound_motions is None else self.bound_motions()
+
+    @cached_property
+    def passing_orders(self) -> PassingOrders:
+        """The collision regions of all pairs in the planning charts."""
+        charts = {pair: self.chart_between(*pair) for pair in combinations(self.arms, 2)}
+        return PassingOrders.of_charts([plane.length for plane in self.planes], charts)
+
+    def bounded(
+        self, *, most_nodes: int = MOST_NODES, time_limit_s: float = np.inf, report: Report | None = None
+    ) -> JointBound:
+        """Lower bound on the makespan of any timing, all arms together; ``bound`` has it by the default limits.
+
+        Args:
+            most_nodes: Expanded at most; see ``joint_bound``.
+            time_limit_s: Stop after so long [s].
+            report: Called with the bound reached [s] and the number of open nodes now and then.
+        """
+        motions, shares = zip(*self._bound_motions, strict=True)
+        regions = [
+            PassingRegion(i, j, region)
+            for i, j in combinations(self.arms, 2)
+            for region in self.bound_chart_between(i, j).cores
+        ]
+        return joint_bound(
+            motions, regions, shares=shares, most_nodes=most_nodes, time_limit_s=time_limit_s, report=report
+        )
+
+    @cached_property
+    def relaxed(self) -> JointBound:
+        """The same of plans in free cells of the planning charts; its ``sides`` are orders of ``passing_orders``."""
+        return joint_bound(self.fastest, self.passing_orders.regions)
+
+    @cached_property
     def bound(self) -> MakespanBound:
         """Lower bound on the makespan of any timing, and the class of every pair."""
-        motions = [(m, 0.0) for m in self.fastest] if self.bound_motions is None else list(self.bound_motions())
-        time = max((1.0 - share) * motion.duration for motion, share in motions)
+        motions = self._bound_motions
+        joint = self.bounded()
+        time = max([joint.time, *((1.0 - share) * motion.duration for motion, share in motions)])
         pairs: dict[tuple[int, int], PairBound] = {}
         classes: dict[tuple[int, int], PriorityClass] = {}
         natural: dict[tuple[int, int], tuple[bool, bool]] = {}
         for i, j in combinations(self.arms, 2):
             pair = pair_bound(motions[i][0], motions[j][0], self.bound_chart_between(i, j))
             pairs[i, j] = pair
+            # The joint search knows better, but for rounding, unless it stopped early.
             time = max(time, pair.time * (1.0 - max(motions[i][1], motions[j][1])))
             if np.isinf(pair.time):
                 classes[i, j] = "infeasible"
@@ -101,7 +139,7 @@ class TimingProblem:
             else:
                 natural[i, j] = self._natural(i, j, pair)
                 classes[i, j] = "uniform" if any(natural[i, j]) else "mixed"
-        return MakespanBound(time=float(time), pairs=pairs, classes=classes, natural=natural)
+        return MakespanBound(time=float(time), joint=joint, pairs=pairs, classes=classes, natural=natural)
 
     def _natural(self, i: int, j: int, pair: PairBound) -> tuple[bool, bool]:
         """Whether i, or j, may go first everywhere at no cost, and a start delay shows it on the planning chart too."""
@@ -120,11 +158,7 @@ class TimingProblem:
     @cached_property
     def attainable(self) -> float:
         """What no plan in free cells of the planning charts can beat, momentum ignored [s]; or infinite."""
-        pairs = (
-            makespan_bound(self.fastest[i], self.fastest[j], self.chart_between(i, j), free_only=True)
-            for i, j in combinations(self.arms, 2)
-        )
-        return max([makespan(self.fastest), *pairs])
+        return max(makespan(self.fastest), self.relaxed.time)
 
     def is_free(self, motions: Motions) -> bool:
         """Whether all motions stay in free cells of all planning charts."""

@@ -31,10 +31,11 @@ from armtempo.planners.topp._rows import (
 )
 from armtempo.robots import inlined, njit
 
-STATION_ROUNDING = 1e-12  # of the path: nearer to a station than this is there
+STATION_ROUNDING = 1e-12  # of the path: nearer to a station, or to the end of a piece, than this is there
 TIME_ROUNDING = 1e-9  # of the time asked for: a rest so short is none
 END_ROUNDING = 1e-9  # of the path: an arm at rest so near to the end has arrived
 X_AT_REST = 1e-18  # ``x = mu^2`` that is not larger is rest
+SMALLEST_GOAL = 1e-8  # of the edge's ``x``: what a command that is not 0 heads for, at least; less is rest by rounding
 PIECES_MAX = 100_000
 
 
@@ -117,14 +118,20 @@ def acceleration_bounds(steps: Floats, lam: float, x: float) -> tuple[float, flo
 
 
 @inlined
+def _goal_share(command: float, by_speed: bool, share: float) -> float:
+    """Which part of the edge's ``x`` a motion heads for, at most."""
+    part = command * share if by_speed else share
+    return max(part * part, SMALLEST_GOAL)
+
+
+@inlined
 def _next_piece(
-    steps: Floats, i: int, left: float, x: float, rest: float, command: float, by_speed: bool
+    steps: Floats, i: int, left: float, x: float, rest: float, command: float, by_speed: bool, goal_share: float
 ) -> tuple[float, float]:
     """Length and ``u`` of the next piece in interval i, ``left`` before its end; no length: the arm stays at rest."""
     width = steps[i + 1, STATION] - steps[i, STATION]
     w = 1.0 - left / width
     u_low, u_high = bounds_in(steps, i, w, x, 0.0)
-    goal_share = command * command if by_speed else 1.0
     step = min(left, np.sqrt(x) * rest + 0.5 * max(u_high, 0.0) * rest * rest)
     if step <= 0.0:
         return 0.0, 0.0
@@ -133,10 +140,11 @@ def _next_piece(
     if i == steps.shape[0] - 2 and step == left:
         if x < 0.25 * goal_share * here:
             step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
-        elif by_speed and x > goal_share * here > 0.0:
+        elif x > goal_share * here > 0.0:
             # too fast for the command: brake until the target is met, which also runs down to the end
             meet = (x - goal_share * here) / (-2.0 * u_low - goal_share * here / left)
-            if 0.0 < meet < left:
+            rounding = STATION_ROUNDING * steps[i + 1, STATION]
+            if rounding < meet < left - rounding:  # from a target met but for rounding it would be met for ever
                 step = meet
     w_next = 1.0 if step == left else w + step / width
     x_edge = high + w_next * rise
@@ -149,7 +157,7 @@ def _next_piece(
     u_high = min(u_high, (x_edge - x) / d2)
     u_low = min(u_low, u_high)
     if not by_speed:
-        return step, u_low + command * (u_high - u_low)
+        return step, u_low + command * (min(max((goal_share * x_edge - x) / d2, u_low), u_high) - u_low)
     if command == 0.0:
         return step, u_low
     return step, min(max((goal_share * x_edge - x) / d2, u_low), u_high)
@@ -157,7 +165,7 @@ def _next_piece(
 
 @inlined
 def _one_piece(
-    steps: Floats, i: int, lam: float, x: float, rest: float, command: float, by_speed: bool
+    steps: Floats, i: int, lam: float, x: float, rest: float, command: float, by_speed: bool, goal_share: float
 ) -> tuple[float, float, float, float]:
     """Where the next piece ends, ``x`` there, its time and its ``u``; no time: the arm stays there until ``rest``.
 
@@ -165,7 +173,7 @@ def _one_piece(
     """
     last = steps.shape[0] - 1
     left, mu = steps[i + 1, STATION] - lam, np.sqrt(x)
-    step, u = _next_piece(steps, i, left, x, rest, command, by_speed)
+    step, u = _next_piece(steps, i, left, x, rest, command, by_speed, goal_share)
     x_next = x + 2.0 * step * u
     if step <= 0.0 or (x <= X_AT_REST and x_next <= X_AT_REST):
         if step > 0.0:
@@ -193,16 +201,18 @@ def _within_piece(lam: float, mu: float, u: float, t: float, there: float) -> tu
 
 
 @inlined
-def _whole_interval(steps: Floats, i: int, lines: int, x: float, command: float, by_speed: bool) -> float:
+def _whole_interval(
+    steps: Floats, i: int, lines: int, x: float, command: float, by_speed: bool, goal_share: float
+) -> float:
     """``x`` at the end of interval i from ``x`` at its beginning; ``lines``: the column behind these numbers."""
-    low, high, goal = steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT], steps[i, EDGE_HIGH_NEXT]
+    low, high, edge = steps[i, END_LOWEST], steps[i, EDGE_HIGH_NEXT], steps[i, EDGE_HIGH_NEXT]
     for j in range(STEP_HEADER_COLUMNS, lines, WHOLE_COLUMNS):
         change = steps[i, j + WHOLE_SLOPE] * x
         low, high = max(low, steps[i, j + WHOLE_LEAST] + change), min(high, steps[i, j + WHOLE_MOST] + change)
     low = min(low, high)
     if not by_speed:
-        return float(low + command * (high - low))
-    return float(low if command == 0.0 else min(max(command * command * goal, low), high))
+        return float(low + command * (min(max(goal_share * edge, low), high) - low))
+    return float(low if command == 0.0 else min(max(goal_share * edge, low), high))
 
 
 @njit
@@ -216,6 +226,7 @@ def advance(
     ticks: int,
     places: Floats,
     speeds: Floats,
+    share: float = 1.0,
 ) -> tuple[float, float, float]:
     """Move an arm along its path for so many ticks [s] under one command in [0, 1].
 
@@ -225,6 +236,8 @@ def advance(
     ``u = u_low + command (u_high - u_low)``. The edge is obeyed to rounding, so the end can always be met; the rows
     *inside* a piece hold to the second order of its length. Intervals that fit in whole are three numbers per row.
 
+    ``share``: what a slow arm takes for the largest speed, of ``mu*``; commands and ``u_high`` head for no more.
+
     ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
     asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
     """
@@ -232,6 +245,7 @@ def advance(
     end = steps[last, STATION]
     lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
     x, used, k = mu * mu, 0.0, 0
+    goal_share = _goal_share(command, by_speed, share)
     due = tick if wanted else np.inf  # when place and speed are asked for next
     i = interval_at(steps, lam)
     for _ in range(PIECES_MAX):
@@ -248,7 +262,7 @@ def advance(
         if lam == steps[i, STATION]:
             began = i
             while i < last - 1:
-                x_next = _whole_interval(steps, i, lines, x, command, by_speed)
+                x_next = _whole_interval(steps, i, lines, x, command, by_speed, goal_share)
                 if not x_next > X_AT_REST:
                     break
                 mu_next = np.sqrt(x_next)
@@ -267,7 +281,7 @@ def advance(
             if i > began:
                 lam = steps[i, STATION]
                 continue
-        there, x_next, time, u = _one_piece(steps, i, lam, x, rest, command, by_speed)
+        there, x_next, time, u = _one_piece(steps, i, lam, x, rest, command, by_speed, goal_share)
         if time <= 0.0:
             lam, x, used = there, x_next, (dt if there < end else used)
             break
@@ -287,7 +301,7 @@ def advance(
 
 @njit
 def record_pieces(
-    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, dt: float, record: Floats
+    steps: Floats, lam: float, mu: float, command: float, by_speed: bool, dt: float, record: Floats, share: float = 1.0
 ) -> tuple[float, float, float, int]:
     """As ``advance`` for ``dt`` [s], each interval piece by piece: that differs by rounding.
 
@@ -295,7 +309,7 @@ def record_pieces(
     used (less than ``dt`` only on arrival) and the number of rows.
     """
     last, x, used, count = steps.shape[0] - 1, mu * mu, 0.0, 0
-    end = steps[last, STATION]
+    end, goal_share = steps[last, STATION], _goal_share(command, by_speed, share)
     i = interval_at(steps, lam)
     while count < record.shape[0]:
         while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
@@ -307,7 +321,7 @@ def record_pieces(
         if rest <= TIME_ROUNDING * dt:
             used = dt
             break
-        there, x_next, time, _ = _one_piece(steps, i, lam, x, rest, command, by_speed)
+        there, x_next, time, _ = _one_piece(steps, i, lam, x, rest, command, by_speed, goal_share)
         if time <= 0.0:
             lam, x, used = there, x_next, (dt if there < end else used)
             break

@@ -359,9 +359,13 @@ class PhasePlane:
         return self.motion([0.0], [np.inf], lam, mu)
 
     def motion(
-        self, commands: ArrayLike, times: ArrayLike, lam: float = 0.0, mu: float = 0.0, *, mode: Mode = "speed"
-    ) -> PhaseTrajectory:
-        """The motion under commands in [0, 1], each for its time [s], row by row; it ends on arrival or at rest."""
+        self, commands: ArrayLike, times: ArrayLike, lam: float = 0.0, mu: float = 0.0, *, mode: Mode = "speed",
+        share: float = 1.0,
+    ) -> PhaseTrajectory:  # fmt: skip
+        """The motion under commands in [0, 1], each for its time [s], row by row; it ends on arrival or at rest.
+
+        ``share``: of ``mu*``, that the arm takes for the largest speed.
+        """
         commands, times = (np.atleast_1d(floats(v, name)) for v, name in ((commands, "commands"), (times, "times")))
         if commands.ndim != 1 or commands.shape != times.shape:
             raise InputError(
@@ -374,7 +378,7 @@ class PhasePlane:
             step = min(float(dt), 1e3)
             command = self._checked(command, lam, mu, step)
             lam, mu, used, count = record_pieces(
-                self.edges.steps, float(lam), float(mu), command, mode == "speed", step, record
+                self.edges.steps, float(lam), float(mu), command, mode == "speed", step, record, share
             )
             if count:
                 pieces.append(record[:count] + np.array([clock, 0.0, 0.0]))

@@ -32,7 +32,8 @@ class Disturbance:
 
     Attributes:
         late_s: How long the arm stands before it obeys [s].
-        speed: The share of its commands that it obeys, above 0, at most 1.
+        speed: The share of ``mu*`` that it takes for the largest speed, above 0, at most 1. In speed mode it so obeys
+            that share of its commands; in acceleration mode the highest ``mu_dot`` is the one that leads to that speed.
         stops: How many stops (whole numbers): each begins at an instant drawn from the arm's minimum time. While one
             lasts the arm brakes and stands. It is asked at the beginning of every control period.
         stop_s: How long a stop lasts [s].
@@ -75,9 +76,19 @@ _FAMILIES = {  # times are shares of the arm's minimum time
     "slow": Disturbance(speed=(0.4, 1.0)),
     "stop-and-go": Disturbance(stops=(1, 3), stop_s=(0.1, 0.5)),
 }
-DISTURBANCES = (*_FAMILIES, "any")
-"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, obeying 0.4 to
-1 of its commands; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every episode."""
+_ALL = "all-"
+_OF_ONE_ARM = (*_FAMILIES, "any")
+DISTURBANCES = (*_OF_ONE_ARM, *(_ALL + name for name in _OF_ONE_ARM))
+"""Named families for the first arm, in shares of its minimum time T: ``late`` by up to 0.5 T; ``slow``, taking 0.4 to
+1 of ``mu*`` for the largest speed; ``stop-and-go``, 1 to 3 stops of 0.1 to 0.5 T; ``any`` draws one of them for every
+episode. ``all-late`` and so on: for all arms, each with draws of its own."""
+
+
+def disturbs_first_alone(disturbance: str | Disturbance | None) -> bool:
+    """Whether no arm but the first is disturbed."""
+    if isinstance(disturbance, Disturbance):
+        return set(disturbance.arms) == {0}
+    return disturbance is None or not disturbance.startswith(_ALL)
 
 
 class Draws(NamedTuple):
@@ -133,11 +144,12 @@ def make_draws(
         InputError: The cell has no such arm.
     """
     if isinstance(disturbance, str):
-        chosen, relative = list(_FAMILIES.values()) if disturbance == "any" else [_FAMILIES[disturbance]], 1.0
+        name = disturbance.removeprefix(_ALL)
+        chosen, relative = list(_FAMILIES.values()) if name == "any" else [_FAMILIES[name]], 1.0
     else:
         chosen, relative = [disturbance or Disturbance()], 0.0
     arms = np.zeros(len(cell.arms), dtype=np.bool_)
-    for arm in chosen[0].arms:
+    for arm in chosen[0].arms if disturbs_first_alone(disturbance) or relative == 0.0 else range(len(cell.arms)):
         if arm >= len(cell.arms):
             raise InputError(
                 f"the disturbance is for arm {arm}, cell {brief(cell.name)} has {len(cell.arms)} arms",

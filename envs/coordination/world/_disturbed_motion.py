@@ -33,10 +33,8 @@ def disturbed_motion(
     period = cell.control_period
     first = int(late / period)  # the period in which it goes; stops are asked when a period begins
     last = max([first, *(math.ceil(end / period) for _, end in stops)])
-    commands = [
-        0.0 if any(begin <= k * period < end for begin, end in stops) else speed for k in range(first, last + 1)
-    ]
+    commands = [0.0 if any(begin <= k * period < end for begin, end in stops) else 1.0 for k in range(first, last + 1)]
     times = [(first + 1) * period - late, *[period] * (last - first)]
     times[-1] = np.inf
-    motion = cell.planes[arm].motion(commands, times, mode=mode)
+    motion = cell.planes[arm].motion(commands, times, mode=mode, share=speed)
     return motion.delayed(late)

@@ -61,12 +61,12 @@ def scratch_for(episodes: int, arms: int, ticks: int) -> Scratch:
 
 @inlined
 def obeyed(world: World, episodes: Episodes, e: int, i: int, command: float) -> float:
-    """What arm i makes of its command in the control period that begins now."""
-    obeyed, now = command * episodes.speed[e, i], episodes.ticks[e] * world.tick
+    """What arm i makes of its command in the control period that begins now; how slow it is comes on top."""
+    obeyed, now = command, episodes.ticks[e] * world.tick
     for s in range(episodes.stops.shape[2]):
         if episodes.stops[e, i, s, 0] <= now < episodes.stops[e, i, s, 1]:
             obeyed = 0.0
-    return obeyed  # type: ignore[no-any-return]
+    return obeyed
 
 
 @njit
@@ -87,6 +87,7 @@ def move(
             places, speeds = scratch.places[e - first, i], scratch.speeds[e - first, i]
             lam, mu, now, rate = episodes.lam[e, i], episodes.mu[e, i], episodes.ticks[e], episodes.clock[e]
             command, late = obeyed(world, episodes, e, i, commands[e, i]), episodes.late[e, i]
+            share = episodes.speed[e, i]
             k = 0
             while k < ticks and (lam >= end or (now + k) * tick + tick - late <= 1e-12):  # there, or not yet gone
                 places[k], speeds[k] = lam, mu
@@ -103,6 +104,7 @@ def move(
                     one,
                     places[k : k + 1],
                     speeds[k : k + 1],
+                    share,
                 )
                 if lam >= end:
                     episodes.arrival[e, i] = late + used / rate
@@ -110,7 +112,7 @@ def move(
             if k < ticks:
                 began, there = (now + k) * tick, lam >= end
                 lam, mu, used = phase_kernels.advance(
-                    steps, lam, mu, command, world.by_speed, rate * tick, ticks - k, places[k:], speeds[k:]
+                    steps, lam, mu, command, world.by_speed, rate * tick, ticks - k, places[k:], speeds[k:], share
                 )
                 if lam >= end and not there:
                     episodes.arrival[e, i] = began + used / rate

@@ -8,7 +8,14 @@ from typing import TypedDict, get_args
 
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import check_bodies, check_flags, check_names, check_time_limit, is_number
-from armtempo.envs.coordination.world._disturbance import DISTURBANCES, Disturbance, Range, as_noise, as_range
+from armtempo.envs.coordination.world._disturbance import (
+    DISTURBANCES,
+    Disturbance,
+    Range,
+    as_noise,
+    as_range,
+    disturbs_first_alone,
+)
 from armtempo.errors import InputError, brief
 from armtempo.planners.topp import Mode
 
@@ -31,7 +38,8 @@ class CoordinationOptions:
     """What an action means: a share of the highest safe "speed", or of the admissible "acceleration"."""
 
     disturbance: str | Disturbance | None = None
-    """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go or any."""
+    """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go, any; with all-any and so
+    on, with every arm."""
 
     observation_noise: float = 0.0
     """Standard deviation of normal noise on what agents see, but for "present" and padding."""
@@ -76,6 +84,16 @@ class CoordinationOptions:
                 f"shield_tube_m must be a distance [m], got {brief(self.shield_tube_m)}", remedy="give 0 or more"
             )
         check_time_limit(self.max_episode_s)
+
+    @property
+    def first_alone(self) -> bool:
+        """Whether no arm but the first is disturbed."""
+        return disturbs_first_alone(self.disturbance)
+
+    @property
+    def on_the_way(self) -> bool:
+        """Whether arms may start on the way: what is known of whole paths, as bounds, then says nothing."""
+        return as_range(self.start_phase, "start_phase", 0.999)[1] > 0.0
 
 
 class CoordinationKeywords(TypedDict, total=False):

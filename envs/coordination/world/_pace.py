@@ -52,8 +52,9 @@ def _try_rate(
         if motion[LAM, i] < length_of(world, i) and part > 1e-12:  # else it is there, or not yet gone
             place, one = np.empty((2, 1)), min(i, 0) + 1  # 1 as it is would compile a second copy
             lam, mu, used = phase_kernels.advance(
-                steps, motion[LAM, i], motion[MU, i], commands[i], world.by_speed, rate * part, one, place[0], place[1]
-            )
+                steps, motion[LAM, i], motion[MU, i], commands[i], world.by_speed, rate * part, one, place[0], place[1],
+                episodes.speed[0, i],
+            )  # fmt: skip
             motion[LAM, i], motion[MU, i] = lam, mu
             if lam >= length_of(world, i):
                 motion[ARRIVAL, i] = now + tick - part + used / rate
@@ -147,7 +148,7 @@ def hardest_tick(world: World, i: int, rate: float) -> float:
     for _ in range(FULL_SPEED_TICKS):
         if lam < end:
             lam, mu, _used = phase_kernels.advance(
-                steps, lam, mu, 1.0, world.by_speed, rate * world.tick, one, place[0], place[1]
+                steps, lam, mu, 1.0, world.by_speed, rate * world.tick, one, place[0], place[1], 1.0
             )
         else:
             standing += 1

@@ -152,6 +152,21 @@ def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Coo
     assert low < content["policies"]["vci"]["makespan_s"] < high
 
 
+def test_on_the_way_nothing_is_held_against_whole_paths(lee1991: CoordinationCell) -> None:
+    whole = ("saving_percent", "gap_percent", "plan_gap_percent")
+    asked: dict[str, Any] = {"physics": "ideal", "shield": True, "disturbance": "late", "seed": 50000}
+    for start in (0.0, (0.0, 0.0), 0.2, (0.0, 0.3)):
+        found = evaluate(lee1991, ["phase-plane", "delay"], episodes=2, start_phase=start, **asked).to_dict()
+        known = start in (0.0, (0.0, 0.0))
+        for name in ("sequential_s", "lower_bound_s", "clairvoyant_s"):
+            assert (found[name] is not None) == known
+        for numbers in found["policies"].values():
+            assert numbers["finished"] == 2
+            assert numbers["makespan_s"] > 0.0
+        for name in (*whole, "regret_percent"):
+            assert (found["policies"]["delay"][name] is not None) == known
+
+
 def test_options_are_a_record_or_keywords_or_both(lee1991: CoordinationCell) -> None:
     options = CoordinationOptions(physics="ideal", master_late_s=0.1)
     result = evaluate(lee1991, ["delay"], options=options, mode="acceleration")

@@ -9,7 +9,7 @@ import pytest
 
 from armtempo.agents import evaluate
 from armtempo.commands.reports._blend import summary_sentence as of_blends
-from armtempo.commands.reports._coordination import summary_sentence
+from armtempo.commands.reports._coordination import caption, summary_sentence
 from armtempo.planners import BlendCell, CoordinationCell
 
 
@@ -31,6 +31,18 @@ from armtempo.planners import BlendCell, CoordinationCell
 )
 def test_no_policy_finished(lee1991: CoordinationCell, policies: list[str], options: dict[str, Any], said: str) -> None:
     assert summary_sentence(evaluate(lee1991, policies, **options)).startswith(said)
+
+
+def test_on_the_way_there_is_no_bound(lee1991: CoordinationCell) -> None:
+    for start, said in ((0.0, True), ((0.0, 0.3), False)):
+        found = evaluate(
+            lee1991, ["delay", "phase-plane"], episodes=3, seed=50000, physics="ideal", shield=True, start_phase=start
+        )
+        for text in (caption(found), summary_sentence(found)):
+            assert ("lower bound" in text or "the quickest" in text) == said, text
+            assert ("one after the other" in text or "one arm after the other" in text) == said
+        assert "d_min" in caption(found)
+        assert "needs" in summary_sentence(found) or said
 
 
 def test_an_arm_off_its_path(lee1991: CoordinationCell) -> None:

@@ -33,6 +33,7 @@ MANY: dict[str, Any] = {
 CASES: list[dict[str, Any]] = [
     {},
     {"mode": "acceleration", "master_late_s": 0.11},
+    {"mode": "acceleration", "disturbance": "slow"},
     {"disturbance": "stop-and-go", "master_late_s": 0.05},
     MANY,
     {

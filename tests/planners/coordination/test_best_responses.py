@@ -162,12 +162,11 @@ def test_f_g_delay_is_best_where_priority_is_uniform_and_nothing_is_below_the_bo
 # -- every instance gets an answer ------------------------------------------------------------------------------------
 
 
-def monotone_path(free: Bools, *, kings: bool) -> bool:
+def monotone_path(free: Bools) -> bool:
     reached = np.zeros_like(free)
     for i in range(len(free)):
         for j in range(len(free)):
             before = (i == 0 and j == 0) or (i and reached[i - 1, j]) or (j and reached[i, j - 1])
-            before = before or (kings and i and j and reached[i - 1, j - 1])
             reached[i, j] = free[i, j] and before
     return bool(reached[-1, -1])
 
@@ -180,15 +179,15 @@ def test_every_chart_with_a_monotone_path_is_solved_and_the_rest_is_named(make_p
     states[0, 0] = states[-1, -1] = 0
     problem = make_problem({(0, 1): states}, resolution=16)
     moves = stop_and_go(problem.planes[0], problem.planes[1], problem.chart_between(0, 1))
-    assert (moves is not None) == monotone_path(states == 0, kings=False)
-    if monotone_path(states == 0, kings=False):
+    assert (moves is not None) == monotone_path(states == 0)
+    if monotone_path(states == 0):
         motions, order = optimal(problem)
         check(problem, motions)
         assert sorted(order) == [0, 1]
         return
     with pytest.raises(InfeasibleError) as refusal:
         optimal(problem)
-    certified = not monotone_path(states < 2, kings=True)
+    certified = not monotone_path(states < 2)
     assert refusal.value.data["reason"] == ("certified infeasible" if certified else "undecided")
     assert refusal.value.remedy
     assert (problem.bound.priority_class == "infeasible") == certified

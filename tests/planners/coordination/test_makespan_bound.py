@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationChart, PhaseTrajectory
 from armtempo.planners.coordination import (
+    JointBound,
     MakespanBound,
     PairBound,
     PriorityClass,
@@ -27,6 +28,7 @@ from armtempo.planners.coordination._makespan_bound import guide_path
 Motions = tuple[PhaseTrajectory, PhaseTrajectory]
 CELLS = 32
 LONGEST = 2.0  # [s] either arm alone
+JOINT = JointBound(time=1.0, complete=True, nodes=0)
 side = st.tuples(st.integers(1, CELLS - 1), st.integers(1, CELLS - 1)).filter(lambda ends: ends[0] < ends[1])
 
 
@@ -146,7 +148,7 @@ def test_natural_orders_that_go_round_in_a_circle_are_mixed(last: tuple[bool, bo
     pairs = {(0, 1): (True, False), (1, 2): (True, False), (0, 2): last}
     bound = PairBound(time=1.0, first_times=(1.0, 1.0), path=None, step=0.01)
     together = MakespanBound(
-        time=1.0, pairs=dict.fromkeys(pairs, bound), classes=dict.fromkeys(pairs, "uniform"), natural=pairs
+        time=1.0, joint=JOINT, pairs=dict.fromkeys(pairs, bound), classes=dict.fromkeys(pairs, "uniform"), natural=pairs
     )
     assert together.priority_class == expected
 
@@ -167,6 +169,7 @@ def test_the_worst_pair_gives_its_class_to_the_cell(
     bound = PairBound(time=1.0, first_times=(1.0, 1.0), path=None, step=0.01)
     together = MakespanBound(
         time=1.0,
+        joint=JOINT,
         pairs=dict.fromkeys(pairs, bound),
         classes=dict(zip(pairs, classes, strict=True)),
         natural=dict.fromkeys(pairs, (True, False)),

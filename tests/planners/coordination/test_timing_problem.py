@@ -22,9 +22,12 @@ def three(make_problem: Problems) -> TimingProblem:
     return make_problem({(0, 1): [MIDDLE], (0, 2): [(0.3, 0.5, 0.3, 0.5)]}, arms=3)
 
 
-def test_the_bound_is_that_of_the_worst_pair(three: TimingProblem) -> None:
+def test_the_bound_is_that_of_all_arms_together_and_of_no_pair_less(three: TimingProblem) -> None:
     bound = three.bound
-    assert bound.time == max(pair.time for pair in bound.pairs.values())
+    assert bound.time == bound.joint.time
+    assert bound.time >= max(pair.time for pair in bound.pairs.values())
+    assert bound.joint.sides is not None
+    assert len(bound.joint.sides) == len(three.passing_orders.regions)  # their two charts are the same here
     assert bound.classes == {(0, 1): "uniform", (0, 2): "uniform", (1, 2): "free"}
     assert set(bound.natural) == {(0, 1), (0, 2)}
 

@@ -16,7 +16,16 @@ from hypothesis import strategies as st
 
 from armtempo.arrays import Floats
 from armtempo.errors import ActionError, InfeasibleError
-from armtempo.planners import CoordinationCell, JointPath, PathDynamics, PhasePlane, PhaseTrajectory
+from armtempo.planners import (
+    CoordinationCell,
+    JointPath,
+    PathDynamics,
+    PhasePlane,
+    PhaseTrajectory,
+    build_cell,
+    generate_cell,
+)
+from armtempo.planners.instances._generator import config_of
 from armtempo.planners.topp import Mode
 from armtempo.planners.topp._advance import advance, record_pieces
 from armtempo.robots import Arm
@@ -29,13 +38,14 @@ NEAR = 1e-7  # rounding, at rest its square root
 
 
 def run(
-    plane: PhasePlane, lam: float, mu: float, command: float, period: float, mode: Mode, reads: int = 0
-) -> tuple[float, float, float, Floats, Floats]:
+    plane: PhasePlane, lam: float, mu: float, command: float, period: float, mode: Mode, reads: int = 0,
+    share: float = 1.0,
+) -> tuple[float, float, float, Floats, Floats]:  # fmt: skip
     """State after a period and the time used; places and speeds ``reads`` times on the way, equally far apart."""
     places, speeds = np.empty(reads), np.empty(reads)
     tick, ticks = (period / reads, reads) if reads else (period, 1)
     steps = plane.edges.steps
-    lam, mu, used = advance(steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds)
+    lam, mu, used = advance(steps, lam, mu, command, mode == "speed", tick, ticks, places, speeds, share)
     return float(lam), float(mu), float(used), places, speeds
 
 
@@ -357,3 +367,87 @@ def test_a_path_on_which_the_arm_cannot_hold_still_everywhere(spline_dynamics: S
         if found == 5:
             break
     assert found >= 3
+
+
+def goes_on(plane: PhasePlane, lam: float, mu: float, command: float, period: float, mode: Mode, share: float) -> float:
+    """Where one period leads to: it is used up or ends the path, and who moves or is told to move does."""
+    there, speed, used, *_ = run(plane, lam, mu, command, period, mode, 4, share)
+    assert used == period or there == plane.length, (lam, mu, command, period, mode, share)
+    told = command > 0.0 and (mode == "speed" or command == 1.0)
+    assert (there, speed) != (lam, mu) or lam == plane.length or (mu == 0.0 and not told)
+    return there
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_before_the_end_nothing_freezes(planes: list[PhasePlane], mode: Mode) -> None:
+    """Speeds within rounding of the one asked for: braking down to it had no length, and was tried for ever."""
+    rng = np.random.default_rng(17)
+    for plane in planes:
+        station = plane.rows.station
+        for trial in range(300):
+            i, w = int(rng.integers(-4, -1)), float(rng.choice([0.0, rng.random(), 1.0 - 10.0 ** rng.uniform(-9, -1)]))
+            lam = float(station[i] + w * (station[i + 1] - station[i]))
+            command, share = float(rng.choice([0.0, 1e-7, 0.4, 1.0, rng.random()])), float(rng.choice([1.0, 0.3]))
+            part = float(rng.choice([0.0, rng.random(), command * share if mode == "speed" else share]))
+            edge = float(plane.edge_speed(lam))
+            mu = min(part * edge * (1.0 + int(rng.integers(-3, 4)) * 2.0**-52), edge)
+            goes_on(plane, lam, mu, command, float(rng.choice([0.00025, 0.001, 0.004, 0.1])), mode, share)
+            if trial % 10:
+                continue
+            motion = plane.motion([command, 1.0], [0.002, np.inf], lam, mu, mode=mode, share=share)
+            assert motion.lam[-1] == plane.length
+            assert motion.certificate.excess < 1e-3 or plane.length - lam < 1e-9 * plane.length
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_constant_commands_arrive(planes: list[PhasePlane], mode: Mode) -> None:
+    for plane in planes[:5]:
+        for share in (0.1, 0.35, 0.8, 1.0):
+            command, share = (share, 1.0) if mode == "speed" else (1.0, share)
+            for period in (0.001, 0.01):
+                lam, mu, most = 0.0, 0.0, int(20.0 * plane.fastest().duration / (command * share * period))
+                for _ in range(most):
+                    lam, mu, *_ = run(plane, lam, mu, command, period, mode, 4, share)
+                    if lam == plane.length:
+                        break
+                assert lam == plane.length
+
+
+def test_three_arms_that_froze(lee1991: CoordinationCell) -> None:
+    """Found in shielded episodes, in physics with errors of the model, and by this file's random commands."""
+    ring = generate_cell("ring", 1, 0, arms=3).cell.planes[0]
+    place, mu = 5.474480252415095, 0.04294693951730485  # at a station, as fast as commanded but for rounding
+    for share in (0.448894423685308, 0.5, 0.9, 1.0, 0.0):
+        goes_on(ring, place, mu, share, 0.001, "speed", 1.0)
+    drawn = generate_cell("ring", 7, 0, arms=3)
+    reserved = build_cell(config_of(drawn.cell.name, {**drawn.data, "torque_reserve": 0.05})).planes[0]
+    rng = np.random.default_rng(3)
+    for command, tick in [(1.0, 0.001), *rng.uniform(0.1, 1.0, (20, 2)) * (1.0, 0.001)]:
+        lam = mu = 0.0
+        while lam < reserved.length:
+            lam, mu, used, *_ = run(reserved, lam, mu, command, 4 * tick, "speed", 4)
+            assert used == 4 * tick or lam == reserved.length
+    for motion in finish(lee1991.planes[0], [1.0, 0.5, 1.0, 0.5], 0.1, "speed"):
+        assert motion.certificate.excess < 1e-3
+
+
+def test_a_slow_arm_takes_a_share_of_the_largest_speed(planes: list[PhasePlane]) -> None:
+    """In both modes alike: at full speed the same motion; never above that share; inside the limits."""
+    rng = np.random.default_rng(5)
+    for plane in planes:
+        for share in (0.05, 0.6):
+            times = np.append(np.full(80, 0.004), np.inf)
+            motions = [plane.motion(np.ones(81), times, mode=mode, share=share) for mode in MODES]
+            scaled = plane.motion(np.full(81, share), times)
+            for motion in motions:
+                assert motion.duration == pytest.approx(scaled.duration, rel=1e-9)
+                np.testing.assert_allclose(motion.at(scaled.time)[0], scaled.lam, atol=1e-7 * plane.length, rtol=0)
+                assert motion.certificate.excess < 1e-3
+            commands = np.append(rng.uniform(0.3, 1.0, 80), 1.0)
+            slow = plane.motion(commands, times, mode="acceleration", share=share)
+            full = plane.motion(commands, times, mode="acceleration")
+            assert slow.lam[-1] == plane.length
+            assert slow.certificate.excess < 1e-3
+            assert (slow.mu <= share * plane.upper(slow.lam) * (1.0 + 1e-2) + 1e-6).all()
+            clock = np.linspace(0.0, full.duration, 400)
+            assert (slow.at(clock)[0] <= full.at(clock)[0] + 1e-6 * plane.length).all()

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from armtempo.envs import DISTURBANCES, CoordinationEnv, disturbed_motion
 from armtempo.errors import InputError
 from armtempo.planners import load_cell
+from armtempo.planners.topp import Mode
 
 
+@pytest.mark.parametrize("mode", get_args(Mode))
 @pytest.mark.parametrize("family", DISTURBANCES)
-def test_it_is_what_the_environment_runs(family: str) -> None:
+def test_it_is_what_the_environment_runs(family: str, mode: Mode) -> None:
     cell = load_cell("lee1991")
-    env = CoordinationEnv(cell, physics="ideal", disturbance=family, record=True)
+    env = CoordinationEnv(cell, physics="ideal", mode=mode, disturbance=family, record=True)
     full, still = np.ones(1, dtype=np.float32), -np.ones(1, dtype=np.float32)
     for seed in range(5):
         _, infos = env.reset(seed=seed)
-        motion = disturbed_motion(cell, 0, infos["arm_0"]["disturbance"])
+        motion = disturbed_motion(cell, 0, infos["arm_0"]["disturbance"], mode=mode)
         while "arm_0" in env.agents:
             env.step({"arm_0": full, "arm_1": still})
         trace = env.trace
