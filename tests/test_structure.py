@@ -67,6 +67,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planners/cells/test_ik_cell.py": ("planners/cells/_pose_families.py",),
     "tests/test_cache.py": ("planners/charts/_motion_content.py",),
     "tests/planners/coordination/test_joint_program.py": ("planners/coordination/_joint_kernels.py",),
+    "tests/planners/coordination/test_order_search.py": ("planners/coordination/_order_kernels.py",),
     "tests/planners/coordination/test_interval_search.py": ("planners/coordination/_interval_kernels.py",),
     "tests/planners/coordination/test_joint_bound.py": ("planners/coordination/_joint_bound_kernels.py",),
     "tests/planners/schedules/test_methods.py": ("planners/schedules/_schedule.py",),
@@ -114,6 +115,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/envs/coordination/shield/test_shield.py": (
         "envs/coordination/_shield_wrappers.py",
+        "envs/coordination/shield/_admission.py",
         "envs/coordination/shield/_batch.py",
         "envs/coordination/shield/_kernels.py",
         "envs/coordination/shield/_trial.py",

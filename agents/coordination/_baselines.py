@@ -6,7 +6,8 @@ than was expected
 ``random``       uniform actions
 and the schedules (``sequential``, ``constant-speed``, ``constant-acceleration``, ``delay``, ``offset``, ``interval``,
 ``optimal``), executed by precedence: whoever goes second somewhere is released by how far the first *is*, not by the
-clock. So is a plan of ``vci`` in which somebody passes first out of turn.
+clock. So is a plan of ``vci`` in which somebody passes first out of turn. Under a shield, besides, those that decide
+who passes first on the way (see ``_order_policies``).
 
 What an agent sees tells where its own arm is, so in ``CoordinationEnv`` the observations of all agents are enough. Who
 acts for some agents only takes the other arm of a cell of two from their entries for it; of more arms the entries do
@@ -21,11 +22,13 @@ from typing import final
 
 import numpy as np
 
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
 from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, to_action
 from armtempo.arrays import Floats
-from armtempo.envs import OTHER, OWN, CoordinationEnv, share
-from armtempo.errors import UnknownNameError
-from armtempo.planners import METHODS, CoordinationCell, Execution, Schedule, execution_of, schedule
+from armtempo.envs import OTHER, OWN, CoordinationEnv, EpisodeShield, share
+from armtempo.errors import InfeasibleError, UnknownNameError
+from armtempo.planners import METHODS, CoordinationCell, Execution, Precedence, Schedule, execution_of, schedule
+from armtempo.planners.schedules import PrecedenceExecution
 from armtempo.planners.topp import Mode
 
 _OWN = {entry.name: k for k, entry in enumerate(OWN)}
@@ -68,9 +71,29 @@ class PhasePlanePolicy:
         return {agent: to_action(1.0) for agent in observations}
 
 
+def _under(shield: EpisodeShield, execution: Execution, env: CoordinationEnv, lam: Floats) -> Execution:
+    """An execution that goes on within the order that a shield keeps when it is handed the execution's own.
+
+    Where the one would make arms wait that the other lets pass, and the other way round, they would wait for ever:
+    then what was planned is given up, and every arm goes as far as the shield's order lets it.
+    """
+    own = getattr(execution, "precedence", None)
+    if not isinstance(own, Precedence):
+        return execution
+    shield.ask(own)
+    kept = shield.precedence
+    try:
+        own.together(kept).check_deadlock_free(lam)
+    except InfeasibleError:
+        return PrecedenceExecution(env.cell, kept, env.options.mode)
+    return execution
+
+
 @final
 class ExecutionPolicy:
     """Acts by an execution of the planners, made anew where the meaning of a command changes.
+
+    Under a shield (``env.shield``) it hands over who passes first in it, and keeps to what the shield makes of that.
 
     Args:
         make: Gives it for a mode: ``partial(execution_of, plan)``, ``partial(VciExecution, cell)``.
@@ -86,13 +109,17 @@ class ExecutionPolicy:
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """The execution's commands, for those who act."""
+        lam, mu = _states(observations, env)
         if self._mode != env.options.mode:
             self._execution, self._mode = self._make(env.options.mode), env.options.mode
-        commands = self._execution.commands(*_states(observations, env))
+            shield = getattr(env, "shield", None)
+            if shield is not None:
+                self._execution = _under(shield, self._execution, env, lam)
+        commands = self._execution.commands(lam, mu)
         return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
 
 
-COORDINATION_POLICIES = ("phase-plane", *METHODS, "random")
+COORDINATION_POLICIES = ("phase-plane", *METHODS, *ORDER_POLICIES, "random")
 
 
 def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy[Observations, Actions]:
@@ -111,6 +138,8 @@ def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None)
         return PhasePlanePolicy()
     if name == "random":
         return RandomPolicy()
+    if name in ORDER_POLICIES:
+        return OrderPolicy(name, cell)
     if name in METHODS:
         plan = plan if plan is not None else schedule(cell, name)
         return ExecutionPolicy(partial(execution_of, plan))

@@ -8,6 +8,7 @@ from typing import Any, Unpack, final
 
 import numpy as np
 from gymnasium.utils import seeding
+from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.common import (
@@ -19,7 +20,16 @@ from armtempo.envs.common import (
     spread,
 )
 from armtempo.envs.coordination._episode import time_limit
-from armtempo.envs.coordination.shield import admit_all, draw_shielded, shield_tables, shield_work
+from armtempo.envs.coordination.shield import (
+    NOBODY_WAITS,
+    Orders,
+    admit_all,
+    asked_orders,
+    draw_shielded,
+    keep_orders,
+    shield_tables,
+    shield_work,
+)
 from armtempo.envs.coordination.world import (
     OTHER,
     OTHERS,
@@ -80,8 +90,8 @@ class BatchSimulation(Stateful):
     """
 
     changing = (
-        "_episodes", "observations", "rewards", "terminated", "truncated", "undisturbed", "_orders", "_uncertain",
-        "shield_cut", "shield_changed", "shield_change",
+        "_episodes", "observations", "rewards", "terminated", "truncated", "undisturbed", "_orders", "_asked",
+        "_priority", "_uncertain", "shield_cut", "shield_changed", "shield_change",
     )  # fmt: skip
 
     def __init__(
@@ -118,14 +128,15 @@ class BatchSimulation(Stateful):
         sizes = [last - first for first, last in self._chunks.bounds]
         self._scratch = [scratch_for(size, A, self.cell.ticks_per_period) for size in sizes]
         self._shield = chosen.shield
-        self._tables = self._works = None
+        self._tables = self._works = self._regions = None
         if self._shield:
             self._tables = shield_tables(
                 self.cell, self._world, scripted=scripted, plan=plan, tube_m=chosen.shield_tube_m
             )
-            regions = len(self._tables.region)
+            regions, self._regions = len(self._tables.region), self.cell.passing_orders(2.0 * chosen.shield_tube_m)
             self._works = [shield_work(self.cell, regions) for _ in sizes]
         self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
+        self._asked, self._priority = np.full_like(self._orders, NOBODY_WAITS), np.zeros((E, A))
         self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
         self._uncertain, self._admitted = np.zeros((E, A), dtype=np.bool_), np.zeros((E, A))
         self.shield_cut = np.zeros((E, A))
@@ -208,8 +219,30 @@ class BatchSimulation(Stateful):
                 f"the shield finds no passing order in which all arms of cell {self.cell.name!r} arrive",
                 remedy=remedy if self._scripted.any() else "start the arms elsewhere",
             )
+        self._asked[active], self._priority[active] = NOBODY_WAITS, 0.0
         self._uncertain[active] = uncertain_arms(self._episodes)[active]
         self.shield_changed[active], self.shield_change[active] = 0, 0.0
+
+    @property
+    def orders(self) -> Orders:
+        """(E, R) who passes first in each region now, see ``Shield``; a new array. R is 0 without a shield."""
+        return self._orders.copy()
+
+    def ask(self, wanted: Precedence | ArrayLike, mask: Bools | None = None) -> Orders:
+        """Keep to an order in all episodes, or those of ``mask`` (E,), as ``EpisodeShield.ask``; ``orders`` (E, R).
+
+        Raises:
+            InputError: The order is not of these arms or regions, or there is no shield.
+        """
+        if self._tables is None or self._works is None or self._regions is None:
+            raise InputError("episodes without a shield keep no order", remedy="make them with shield=True")
+        asked = asked_orders(self._regions, wanted)
+        for e in np.flatnonzero(self._all if mask is None else mask):
+            keep_orders(
+                self._world, self._tables, self._orders[e], asked, self.lam[e], self.mu[e], self._scripted,
+                self._uncertain[e], self.cell.ticks_per_period, self._asked[e], self._works[0],
+            )  # fmt: skip
+        return self.orders
 
     def step(self, commands: Floats, active: Bools | None = None) -> None:
         """Run one control period under ``commands`` (E, A) in [0, 1]; episodes that are not ``active`` stand still.
@@ -225,8 +258,9 @@ class BatchSimulation(Stateful):
             asked = commands
             if self._tables is not None and self._works is not None:
                 admit_all(
-                    self._world, self._tables, self._episodes, first, last, active, self._orders, self._scripted,
-                    self._uncertain, self.cell.ticks_per_period, commands, self._admitted, self._works[k],
+                    self._world, self._tables, self._episodes, first, last, active, self._orders, self._asked,
+                    self._priority, self._scripted, self._uncertain, self.cell.ticks_per_period, commands,
+                    self._admitted, self._works[k],
                 )  # fmt: skip
                 asked = self._admitted
             run_periods(

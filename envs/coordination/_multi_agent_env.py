@@ -119,6 +119,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
 
     Attributes:
         options: The ``CoordinationOptions``.
+        shield: The ``EpisodeShield``, which takes orders of passing (``ask``); None without.
 
     Raises:
         UnknownNameError: No such cell, option, or name as an option's value.
@@ -137,7 +138,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         "is_parallelizable": True,
     }
 
-    changing = ("np_random", "np_random_seed", "_episode", "_shield", "_life", "agents")
+    changing = ("np_random", "np_random_seed", "_episode", "shield", "_life", "agents")
 
     def __init__(
         self,
@@ -153,7 +154,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self.cell = with_auto_reserve(as_cell(cell, CoordinationCell), self.options)
         self._episode = Episode(self.cell, self.options, record=record)
         shield, tube_m = self.options.shield, self.options.shield_tube_m
-        self._shield = EpisodeShield(self.simulation, tube_m=tube_m) if shield else None
+        self.shield = EpisodeShield(self.simulation, tube_m=tube_m) if shield else None
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
@@ -202,7 +203,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         seed = read_seed(seed)
         if seed is not None:
             self.np_random, self.np_random_seed = seeding.np_random(seed)
-        drawn = self._episode.reset(self.np_random, seed is not None, given, self._shield)
+        drawn = self._episode.reset(self.np_random, seed is not None, given, self.shield)
         self.agents = self.possible_agents[:]
         self._life.start()
         if self.render_mode == "human":
@@ -234,8 +235,8 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
                     f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent
                 )
             commands[self.possible_agents.index(agent)] = read_action(actions[agent], agent)
-        if self._shield is not None:
-            commands = self._shield.commands(commands)
+        if self.shield is not None:
+            commands = self.shield.commands(commands)
         self._episode.step(commands)
         rows = self.simulation.observe()
         observations, rewards, terminations, truncations, infos = {}, {}, {}, {}, {}
@@ -243,8 +244,8 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
             i = self.possible_agents.index(agent)
             observations[agent] = rows[i].copy()
             rewards[agent], terminations[agent], truncations[agent], infos[agent] = self._episode.outcome(i)
-            if self._shield is not None:
-                self._shield.report(i, infos[agent], terminations[agent] or truncations[agent])
+            if self.shield is not None:
+                self.shield.report(i, infos[agent], terminations[agent] or truncations[agent])
         self.agents = [agent for agent in self.agents if not (terminations[agent] or truncations[agent])]
         self._life.running = bool(self.agents)
         if self.render_mode == "human":

@@ -204,7 +204,7 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
         self.simulation = BatchSimulation(
             self.cell, count,
             scripted=[i for i in range(len(self.cell.arms)) if i != own],
-            plan=plan_of(self.cell, each[0]) if chosen.shield and each else None,
+            plan=plan_of(each[0]) if chosen.shield and each else None,
             threads=_threads(count, threads, chosen.shield), **options,
         )  # fmt: skip
         made_of = {"options": chosen, "learner": own, "others": others, **times_of(self.cell)}

@@ -110,6 +110,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
 
     Attributes:
         options: The ``CoordinationOptions``.
+        shield: The ``EpisodeShield``; None without.
 
     Raises:
         UnknownNameError: No such cell, arm, option, or name as an option's value.
@@ -124,7 +125,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     metadata = {"render_modes": render_modes(), "render_fps": 25}  # noqa: RUF012 (as Gymnasium declares it)
     reset_options: ClassVar[tuple[str, ...]] = RESET_OPTIONS
 
-    changing = ("np_random", "_np_random_seed", "_episode", "_others", "_shield", "_life")
+    changing = ("np_random", "_np_random_seed", "_episode", "_others", "shield", "_life")
 
     def __init__(
         self,
@@ -152,7 +153,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
             self._others = others
         else:
             raise InputError(f"others is {brief(others)}", remedy="give a name, or an Execution")
-        self._shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
+        self.shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
 
     @property
     def learner(self) -> int:
@@ -162,7 +163,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     def make_shield(self, tube_m: float = 0.0) -> EpisodeShield:
         """A shield for the learning arm among these others; raises as ``Shield.reset`` and ``plan_of``."""
         scripted = [i for i in range(len(self.cell.arms)) if i != self._own]
-        return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self.cell, self._others), tube_m=tube_m)
+        return EpisodeShield(self.simulation, scripted=scripted, plan=plan_of(self._others), tube_m=tube_m)
 
     def made_of(self) -> State:
         """The cell's name and times, the options, who learns and what the others do."""
@@ -180,7 +181,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         Raises:
             InfeasibleError: As ``Episode.reset``.
         """
-        drawn = self._episode.reset(self.np_random, seeded, options, self._shield)
+        drawn = self._episode.reset(self.np_random, seeded, options, self.shield)
         if self._others is not None:
             self._others.reset()
         return self.simulation.observe()[self._own], {
@@ -195,12 +196,12 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = command
-        if self._shield is not None:
-            commands = self._shield.commands(commands)
+        if self.shield is not None:
+            commands = self.shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)
-        if self._shield is not None:
-            self._shield.report(self._own, info, terminated or truncated)
+        if self.shield is not None:
+            self.shield.report(self._own, info, terminated or truncated)
         return self.simulation.observe()[self._own], reward, terminated, truncated, info
 
 

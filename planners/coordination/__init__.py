@@ -16,7 +16,8 @@ from armtempo.planners.coordination._makespan_bound import (
     makespan_bound,
     pair_bound,
 )
-from armtempo.planners.coordination._passing_orders import PassingOrders, PassingRegion
+from armtempo.planners.coordination._order_search import OrderSearch
+from armtempo.planners.coordination._passing_orders import Orders, PassingOrders, PassingRegion
 from armtempo.planners.coordination._precedence import Precedence
 from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
 from armtempo.planners.coordination._time_windows import pair_is_free
@@ -32,6 +33,8 @@ __all__ = [
     "JointBound",
     "MakespanBound",
     "Motions",
+    "OrderSearch",
+    "Orders",
     "PairBound",
     "PassingOrders",
     "PassingRegion",

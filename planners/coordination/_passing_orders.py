@@ -79,16 +79,18 @@ class PassingOrders:
         return out
 
     def precedence(self, orders: ArrayLike) -> Precedence:
-        """The limits that these orders mean.
+        """The limits that these orders mean; 2: nobody waits.
 
         Raises:
-            InputError: ``orders`` are not (R,) of 0 and 1.
+            InputError: ``orders`` are not (R,) of 0, 1 and 2.
         """
         orders = np.asarray(orders)
-        if orders.shape != (len(self.regions),) or not np.isin(orders, (0, 1)).all():
-            raise InputError(f"orders must be {len(self.regions)} numbers 0 or 1, got {brief(orders)}")
+        if orders.shape != (len(self.regions),) or not np.isin(orders, (0, 1, 2)).all():
+            raise InputError(f"orders must be {len(self.regions)} numbers 0, 1 or 2, got {brief(orders)}")
         limits: dict[tuple[int, int], Floats] = {}
         for (a, b, region), order in zip(self.regions, orders, strict=True):
+            if order == 2:
+                continue
             pair, limit = ((a, b), region.whole_limit_a) if order else ((b, a), region.whole_limit_b)
             limits[pair] = np.minimum(limits[pair], limit) if pair in limits else limit
         return Precedence(lengths=self.lengths, limits=limits)

@@ -23,6 +23,7 @@ events of the graph in their order, as a topological sort does: it ends early if
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import final
@@ -144,6 +145,15 @@ class Precedence:
             limits[second, first] = (chart if first == i else chart.swapped).closure[:-1].copy()
         return cls(lengths=tuple(lengths), limits=limits)
 
+    def together(self, other: Precedence) -> Precedence:
+        """What arms may do that obey both; of the same paths, with any resolutions."""
+        limits = dict(self.limits)
+        for pair, theirs in other.limits.items():
+            own = limits.get(pair, theirs)
+            cells = math.lcm(len(own), len(theirs))
+            limits[pair] = np.minimum(np.repeat(own, cells // len(own)), np.repeat(theirs, cells // len(theirs)))
+        return Precedence(lengths=self.lengths, limits=limits)
+
     def limit(self, i: int, j: int) -> Floats:
         """Over the cells of arm j's path: the farthest place of arm i; one infinite entry where they never meet."""
         return self.limits.get((i, j), np.array([np.inf]))
@@ -160,7 +170,7 @@ class Precedence:
             if j != i and (i, j) in self.limits and float(self.farthest(i, j, places[j])) < self.lengths[i]
         )
 
-    def check_deadlock_free(self, places: Sequence[float] | None = None) -> None:
+    def check_deadlock_free(self, places: Sequence[float] | Floats | None = None) -> None:
         """Check that arms that go as far as they may all arrive, from ``places`` (their starts by default).
 
         Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from armtempo.planners.schedules._audit import ENGINES, Audit, Engine, audit_clearance, default_engine
 from armtempo.planners.schedules._certificate import ScheduleCertificate
 from armtempo.planners.schedules._clairvoyant import clairvoyant
-from armtempo.planners.schedules._execution import Execution, ScheduleExecution
+from armtempo.planners.schedules._execution import Execution, PrecedenceExecution, ScheduleExecution
 from armtempo.planners.schedules._methods import METHODS, schedule
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.schedules._vci_execution import VciExecution, execution_of
@@ -16,6 +16,7 @@ __all__ = [
     "Engine",
     "Execution",
     "METHODS",
+    "PrecedenceExecution",
     "Schedule",
     "ScheduleCertificate",
     "ScheduleExecution",

@@ -9,7 +9,7 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.coordination import BrakingGuard
+from armtempo.planners.coordination import BrakingGuard, Precedence
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
 from armtempo.planners.topp.kernels import STATION, advance
@@ -23,7 +23,10 @@ COMMAND_BISECTIONS = 30
 
 
 class Execution(Protocol):
-    """Decides for all arms of a cell from where they are."""
+    """Decides for all arms of a cell from where they are.
+
+    One that obeys a ``Precedence`` has it as an attribute ``precedence``: so the shield knows whom its arms wait for.
+    """
 
     def reset(self) -> None:
         """Forget the last episode."""
@@ -149,6 +152,32 @@ class ScheduleExecution(Stateful):
         # Who goes second somewhere was held up by others, and catches up; who never does stays on its own clock.
         self._clock = [min([ahead[i] if self._led[i] else own[i], *seen[i]]) for i in range(len(motions))]
         return self._clock
+
+
+@final
+class PrecedenceExecution:
+    """Every arm at full speed, as far as a precedence lets it go: without a plan, from wherever the arms are.
+
+    Commands are cut back as those of a ``ScheduleExecution``.
+
+    Args:
+        cell: Where.
+        precedence: Who passes first, and leads on.
+        mode: What a command in [0, 1] means.
+    """
+
+    def __init__(self, cell: CoordinationCell, precedence: Precedence, mode: Mode = "speed") -> None:
+        self.precedence = precedence
+        self._guard = BrakingGuard(cell.planes, precedence, cell.control_period, mode, checks_per_period(cell))
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def commands(self, lam: Floats, mu: Floats) -> Floats:
+        """(A,) the largest commands with which all arms can still brake behind their limits."""
+        guard = self._guard
+        braking = cache(lambda j: guard.braking(j, float(lam[j]), float(mu[j])))
+        return np.array([guard.guarded(i, 1.0, float(lam[i]), float(mu[i]), braking) for i in range(len(lam))])
 
 
 def _reachable(start: int, waits: list[tuple[int, ...]]) -> set[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from functools import cached_property
 from itertools import combinations
 from typing import final
 
@@ -11,7 +12,7 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.coordination import VelocityControl
+from armtempo.planners.coordination import Precedence, VelocityControl
 from armtempo.planners.schedules._execution import Execution, ScheduleExecution, checks_per_period, foresee
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.topp import Mode
@@ -63,6 +64,13 @@ class VciExecution(Stateful):
         self.order = tuple(range(len(cell.arms))) if order is None else tuple(order)
         self._slaves = tuple(_Slave(cell, self.order, place, mode) for place in range(1, len(self.order)))
         self.reset()
+
+    @cached_property
+    def precedence(self) -> Precedence:
+        """The arms before it pass first everywhere."""
+        pairs = combinations(range(len(self.order)), 2)
+        lengths = [path.length for path in self.cell.paths]
+        return Precedence.of_order(lengths, self.order, {pair: self.cell.chart_between(*pair) for pair in pairs})
 
     def reset(self) -> None:
         """Forget the plans."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from armtempo.arrays import Bools, Floats
-from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
+from armtempo.envs.coordination.shield._admission import admit
+from armtempo.envs.coordination.shield._kernels import Orders, ShieldTables, ShieldWork
+from armtempo.envs.coordination.shield._turning import first_orders, set_wanted
 from armtempo.envs.coordination.world import START_ATTEMPTS, Draws, Episodes, World, draw
 from armtempo.robots import njit, unlocked
-
-Orders = NDArray[np.int8]
 
 
 @njit
@@ -34,15 +31,21 @@ def draw_shielded(
 @unlocked
 def admit_all(
     world: World, tables: ShieldTables, episodes: Episodes, first: int, last: int, active: Bools, orders: Orders,
-    scripted: Bools, uncertain: Bools, ticks: int, commands: Floats, admitted: Floats, work: ShieldWork,
+    asked: Orders, priority: Floats, scripted: Bools, uncertain: Bools, ticks: int, commands: Floats,
+    admitted: Floats, work: ShieldWork,
 ) -> None:  # fmt: skip
-    """Commands (E, A) that are let through for the active ones of episodes first..last - 1; uncertain (E, A)."""
+    """Commands (E, A) that are let through for the active ones of episodes first..last - 1.
+
+    orders, asked (E, R); priority, uncertain (E, A).
+    """
     for e in range(first, last):
         if active[e]:
+            set_wanted(tables, asked[e], priority[e], work.wanted)
             admit(
                 world,
                 tables,
                 orders[e],
+                work.wanted,
                 episodes.lam[e],
                 episodes.mu[e],
                 commands[e],

@@ -22,11 +22,9 @@ from armtempo.robots import inlined, njit
 Orders = NDArray[np.int8]
 
 LIMIT_MARGIN_SHARE = 1e-7  # of a path: how far behind a limit an arm is kept
-COMMAND_STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
 PARTS_PER_TICK = 8  # in which limits are asked; a power of two, so that a tick has the same bits in parts
 BRAKING_SAFETY_SQUARED = 0.98  # of the square of a speed: what braking in other pieces may change is far less
 UNTIL_REST = 1 << 40  # parts: as many as there are
-CUTTING_SWEEPS = 8  # after which arms that still do not fit brake
 
 NOBODY_WAITS = 2  # an order, beside 0 and 1
 # Columns of ``ShieldTables.region``.
@@ -56,9 +54,18 @@ class ShieldWork(NamedTuple):
     length: Ints  # (2, A) parts that are foreseen; 0: not begun
     rest: Bools  # (2, A) whether the arm is at rest from there on
     speed: Floats  # (2, A, P + 1) at the begin of every period
-    orders: Orders  # (2, R)
-    lam: Floats  # (2, A) where arms are, and how far they may go
+    lam: Floats  # (4, A) where arms are, how far they may go, where they stop, and no command
     speeds: Floats  # (parts of a period,)
+    wanted: Orders  # (R,) who is to pass first; 2: whoever does
+    nodes: Orders  # (NODES, R) orders of a search
+    settled: Bools  # (NODES, R) which of them stay as they are
+    wrong: Bools  # (R,) whether the commands contradict an order
+    hindered: Bools  # (A,) arms that these hold back and turning them may free
+    freed: Bools  # (A,) those that are to be freed now
+    turns: Ints  # (NODES,) how many are turned
+    turnable: Orders  # (R,) whether an order can be turned: 0 not, 1 it can, 2 not looked at yet
+    circle: Ints  # (A,) regions
+    arms: Ints  # (A,)
 
 
 class Limit(NamedTuple):
@@ -123,35 +130,6 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, re
 
 
 @njit
-def first_orders(
-    world: World, tables: ShieldTables, lam: Floats, scripted: Bools, orders: Orders, work: ShieldWork
-) -> bool:
-    """Fill ``orders`` with the first candidate that leads on from arms at rest at ``lam``; False if none does.
-
-    Where an arm is already past the limit of a candidate the order is the other one.
-    """
-    for c in range(tables.candidates.shape[0]):
-        obeyed = True
-        for r in range(orders.shape[0]):
-            orders[r] = tables.candidates[c, r]
-            for _ in range(2):
-                if orders[r] == NOBODY_WAITS:
-                    break
-                i, j = tables.region[r, orders[r], WAITING_ARM], tables.region[r, orders[r], LEADING_ARM]
-                limit = limit_now(world, tables, r, orders[r], lam)
-                if lam[i] <= limit - LIMIT_MARGIN_SHARE * length_of(world, i):
-                    break
-                if orders[r] != tables.candidates[c, r] or scripted[i] or scripted[j]:
-                    obeyed = False
-                    break
-                orders[r] = 1 - orders[r]
-        work.lam[0][:] = lam
-        if obeyed and feasible(world, tables, orders, work.lam[0], work.lam[1]):
-            return True
-    return False
-
-
-@njit
 def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
     """Fill arm i's ``braked`` (M, N) and ``before`` (N,), for M stations about equally far apart.
 
@@ -207,13 +185,13 @@ def stops_before(
 
 
 @njit
-def _row(braking: bool) -> int:
+def row_of(braking: bool) -> int:
     """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
     return 1 if braking else 0
 
 
 @njit
-def _foresee(
+def foresee(
     steps: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int,
     i: int, places: Floats, speed: Floats, length: Ints, rest: Bools, speeds: Floats,
 ) -> int:  # fmt: skip
@@ -259,7 +237,7 @@ def _foresee(
 
 
 @njit
-def _fits(
+def fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
 ) -> bool:  # fmt: skip
@@ -276,14 +254,14 @@ def _fits(
     tick, by_speed, holdable = world.tick, world.by_speed, tables.holdable
     length, rest, speeds = work.length, work.rest, work.speeds
     own, braked, before = steps_of(world, i), tables.braked[i], tables.before[i]
-    other, row, command = steps_of(world, j), _row(unsure[j]), (0.0 if unsure[j] else commands[j])
+    other, row, command = steps_of(world, j), row_of(unsure[j]), (0.0 if unsure[j] else commands[j])
     margin = LIMIT_MARGIN_SHARE * own[own.shape[0] - 1, 0]
     far, far_speed = work.places[COMMANDED, i], work.speed[COMMANDED, i]
     near, near_speed = work.places[row, j], work.speed[row, j]
     k, most, braking = 0, near.shape[0] - parts - 1, 0.0
     while True:
-        last = _foresee(
-            own, by_speed, holdable[i], tick, commands[i], parts, k + parts, _row(False), i, far, far_speed, length,
+        last = foresee(
+            own, by_speed, holdable[i], tick, commands[i], parts, k + parts, row_of(False), i, far, far_speed, length,
             rest, speeds,
         )  # fmt: skip
         if last > k and stops_before(
@@ -291,7 +269,7 @@ def _fits(
         ):
             return True
         # What is not foreseen of an arm ahead does not count.
-        stop = _foresee(
+        stop = foresee(
             other, by_speed, holdable[j], tick, command, parts, k + parts, row, j, near, near_speed, length, rest,
             speeds,
         )  # fmt: skip
@@ -311,8 +289,8 @@ def _fits(
             if far[k] > limit - margin:
                 if order != orders[r]:
                     return False
-                done = _foresee(
-                    own, by_speed, holdable[i], tick, braking, parts, k, _row(True), i, work.places[BRAKING, i],
+                done = foresee(
+                    own, by_speed, holdable[i], tick, braking, parts, k, row_of(True), i, work.places[BRAKING, i],
                     work.speed[BRAKING, i], length, rest, speeds,
                 )  # fmt: skip
                 if far[k] > work.places[BRAKING, i, min(k, done)]:
@@ -320,145 +298,3 @@ def _fits(
             limit = limit_at(buffer, of, near[min(k, stop)])
             if limit == np.inf:
                 return True
-
-
-@njit
-def _cut(
-    world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
-    unsure: Bools, parts: int, work: ShieldWork,
-) -> None:  # fmt: skip
-    """Lower the command of arm i, by bisection, until it stays behind all its limits."""
-    low, high = 0, int(np.ceil(commands[i] * COMMAND_STEPS))
-    while high - low > 1:
-        middle = (low + high) // 2
-        commands[i], work.length[COMMANDED, i] = middle / COMMAND_STEPS, 0
-        fits = True
-        for r in range(orders.shape[0]):
-            mine = orders[r] < NOBODY_WAITS and tables.region[r, orders[r], WAITING_ARM] == i
-            if mine and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
-                fits = False
-                break
-        if fits:
-            low = middle
-        else:
-            high = middle
-    commands[i], work.length[COMMANDED, i] = low / COMMAND_STEPS, 0
-
-
-@njit
-def _other_orders(
-    world: World, tables: ShieldTables, orders: Orders, lam: Floats, mu: Floats, commands: Floats, scripted: Bools,
-    unsure: Bools, parts: int, work: ShieldWork,
-) -> bool:  # fmt: skip
-    """Change who passes first where the commands as they are contradict it, if that leads on; False if it does not.
-
-    First only in these regions, then in all of the pair where the same arm waits.
-    """
-    R = orders.shape[0]
-    wrong, trial = work.orders[0], work.orders[1]
-    for r in range(R):
-        wrong[r] = 0
-        free = orders[r] < NOBODY_WAITS and not scripted[tables.region[r, orders[r], WAITING_ARM]]
-        if free and not _fits(world, tables, r, orders[r], orders, lam, mu, commands, unsure, parts, work):
-            if scripted[tables.region[r, orders[r], LEADING_ARM]]:
-                return False
-            wrong[r] = 1
-    for attempt in range(2):
-        changed = attempt == 0
-        for r in range(R):
-            trial[r] = orders[r]
-            if wrong[r] == 1:
-                trial[r] = 1 - orders[r]
-            elif attempt == 1 and orders[r] < NOBODY_WAITS:
-                for s in range(R):
-                    if (
-                        wrong[s] == 1
-                        and tables.region[r, orders[r], WAITING_ARM] == tables.region[s, orders[s], WAITING_ARM]
-                        and tables.region[r, orders[r], LEADING_ARM] == tables.region[s, orders[s], LEADING_ARM]
-                        and limit_now(world, tables, r, orders[r], lam) < np.inf
-                    ):
-                        trial[r], changed = 1 - orders[r], True
-        if not changed:
-            return False
-        fits = True
-        for r in range(R):
-            free = trial[r] < NOBODY_WAITS and not scripted[tables.region[r, trial[r], WAITING_ARM]]
-            if free and not _fits(world, tables, r, trial[r], orders, lam, mu, commands, unsure, parts, work):
-                fits = False
-                break
-        if not fits:
-            continue
-        for i in range(lam.shape[0]):  # an arm that stops earlier than it can is farther, so it leads on from there too
-            row = _row(unsure[i])
-            stop = _foresee(
-                steps_of(world, i), world.by_speed, tables.holdable[i], world.tick,
-                0.0 if unsure[i] else commands[i], parts, UNTIL_REST, row, i, work.places[row, i], work.speed[row, i],
-                work.length, work.rest, work.speeds,
-            )  # fmt: skip
-            stop = 0 if unsure[i] and mu[i] <= 0.0 else min(stop, work.places.shape[2] - parts - 1)
-            work.lam[0, i] = work.places[row, i, stop]
-        if feasible(world, tables, trial, work.lam[0], work.lam[1]):
-            orders[:] = trial
-            return True
-    return False
-
-
-@njit
-def admit(
-    world: World,
-    tables: ShieldTables,
-    orders: Orders,
-    lam: Floats,
-    mu: Floats,
-    commands: Floats,
-    scripted: Bools,
-    uncertain: Bools,
-    ticks: int,
-    admitted: Floats,
-    work: ShieldWork,
-) -> bool:
-    """Fill ``admitted`` (A,) with the commands for one period of ``ticks`` that are let through; True if one is cut.
-
-    Args:
-        world: The cell.
-        tables: Its regions.
-        orders: (R,) who passes first; changed where the commands ask for it and it leads on.
-        lam: (A,) places.
-        mu: (A,) path speeds.
-        commands: (A,) as asked for, in [0, 1].
-        scripted: (A,) arms whose command is not changed: they brake or not, as they please.
-        uncertain: (A,) arms that may do less than they are told: anything from maximum braking to their command.
-        ticks: Ticks of a control period.
-        admitted: (A,) out. Given the orders it is the largest, arm by arm, up to the steps of a cut.
-        work: Scratch.
-
-    Arms are held back only by arms ahead of them: the limits of an arm rise with the commands of all others, so there
-    is a largest set of commands, and lowering arm by arm whoever does not fit finds it. To brake is always let through:
-    it is what was checked the last time.
-    """
-    admitted[:] = commands
-    for row in range(2):
-        for i in range(lam.shape[0]):
-            work.places[row, i, 0], work.speed[row, i, 0], work.length[row, i] = lam[i], mu[i], 0
-    unsure, parts = scripted | uncertain, PARTS_PER_TICK * ticks
-    fits, tried, changed = False, False, False
-    sweep = 0
-    while not fits:
-        fits = True
-        for r in range(orders.shape[0]):
-            if orders[r] == NOBODY_WAITS or scripted[tables.region[r, orders[r], WAITING_ARM]]:
-                continue
-            if not _fits(world, tables, r, orders[r], orders, lam, mu, admitted, unsure, parts, work):
-                fits = False
-                if not tried:
-                    tried = True
-                    if _other_orders(world, tables, orders, lam, mu, admitted, scripted, unsure, parts, work):
-                        return False
-                i = tables.region[r, orders[r], WAITING_ARM]
-                if sweep < CUTTING_SWEEPS:
-                    _cut(world, tables, orders, i, lam, mu, admitted, unsure, parts, work)
-                else:
-                    admitted[i], work.length[COMMANDED, i] = 0.0, 0
-                changed = True
-        sweep += 1
-    return changed

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.arrays import Floats
 from armtempo.envs.common import is_number
+from armtempo.envs.coordination.shield._admission import admit
 from armtempo.envs.coordination.shield._kernels import (
     CELL_COUNT,
     FIRST_CELL,
@@ -21,18 +22,17 @@ from armtempo.envs.coordination.shield._kernels import (
     PARTS_PER_TICK,
     REGION_COLUMNS,
     WAITING_ARM,
+    Orders,
     ShieldTables,
     ShieldWork,
-    admit,
     feasible,
     fill_braked,
-    first_orders,
 )
+from armtempo.envs.coordination.shield._turning import NODES, first_orders, keep_orders, set_wanted
 from armtempo.envs.coordination.world import CoordinationSimulation, World, check_torque_left
 from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
-from armtempo.planners.schedules import VciExecution
 from armtempo.state import Stateful
 
 ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
@@ -146,9 +146,18 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         length=np.zeros((2, arms), dtype=np.int64),
         rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
-        orders=np.zeros((2, regions), dtype=np.int8),
-        lam=np.zeros((2, arms)),
+        lam=np.zeros((4, arms)),
         speeds=np.zeros(PARTS_PER_TICK * ticks),
+        wanted=np.full(regions, NOBODY_WAITS, dtype=np.int8),
+        nodes=np.zeros((NODES, regions), dtype=np.int8),
+        settled=np.zeros((NODES, regions), dtype=np.bool_),
+        wrong=np.zeros(regions, dtype=np.bool_),
+        hindered=np.zeros(arms, dtype=np.bool_),
+        freed=np.zeros(arms, dtype=np.bool_),
+        turns=np.zeros(NODES, dtype=np.int64),
+        turnable=np.zeros(regions, dtype=np.int8),
+        circle=np.zeros(arms, dtype=np.int64),
+        arms=np.zeros(arms, dtype=np.int64),
     )
 
 
@@ -160,15 +169,22 @@ class Shield(Stateful):
     then on, stays behind the limits of a passing order from which all arms arrive. Else the order is changed, where
     the requests ask for it and all arms arrive under the other one too; else commands are cut, none more than needed.
 
+    An order can be asked for (``ask``), or arms be given numbers (``prefer``): the shield keeps the order that is
+    nearest to it, of those that lead on and that the arms can still obey by braking, whatever the requests are.
+
     Args:
         cell: The cell.
         world: Its packed form.
         scripted: Arms that are not changed. Without a plan they pass first everywhere.
         plan: The precedence that scripted arms obey.
         tube_m: See ``shield_tables``.
+
+    Attributes:
+        regions: Where two arms can meet, R.
+        orders: (R,) int8, who passes first in each, now: 0 its arm a, 1 its arm b, 2 nobody waits (scripted arms).
     """
 
-    changing = ("orders", "_uncertain")
+    changing = ("orders", "_asked", "_priority", "_uncertain")
 
     def __init__(
         self,
@@ -182,7 +198,10 @@ class Shield(Stateful):
         arms = len(cell.arms)
         self.cell = cell
         self.tables = shield_tables(cell, world, scripted=scripted, plan=plan, tube_m=tube_m)
+        self.regions = cell.passing_orders(2.0 * tube_m)
         self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
+        self._asked = np.full_like(self.orders, NOBODY_WAITS)
+        self._priority = np.zeros(arms)
         self._world = world
         self.work = shield_work(cell, len(self.orders))
         self._ticks = cell.ticks_per_period
@@ -199,6 +218,7 @@ class Shield(Stateful):
             InfeasibleError: From there no passing order leads all arms to their ends.
         """
         self._uncertain[:] = uncertain
+        self._asked[:], self._priority[:] = NOBODY_WAITS, 0.0
         places = np.array(lam, dtype=np.float64)
         if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self.work):
             names = ", ".join(repr(arm.name) for arm in self.cell.arms)
@@ -215,18 +235,78 @@ class Shield(Stateful):
 
     def admit(self, lam: Floats, mu: Floats, commands: Floats) -> Floats:
         """(A,) the commands that are let through for the next period; a new array."""
+        set_wanted(self.tables, self._asked, self._priority, self.work.wanted)
         admit(
-            self._world, self.tables, self.orders, lam, mu, commands, self._scripted, self._uncertain, self._ticks,
-            self._admitted, self.work,
+            self._world, self.tables, self.orders, self.work.wanted, lam, mu, commands, self._scripted,
+            self._uncertain, self._ticks, self._admitted, self.work,
         )  # fmt: skip
         return self._admitted.copy()
+
+    def ask(self, wanted: Precedence | ArrayLike, lam: Floats, mu: Floats) -> Orders:
+        """Keep to an order, or to what is nearest to it, until another is asked for, or the episode is over.
+
+        Nearest has the fewest regions in another order, of all that lead on and that arms at ``lam`` with ``mu`` (A,)
+        can still obey by braking.
+
+        Args:
+            wanted: A precedence, or (R,) as ``orders``, where 2 is either: commands may go on to decide it.
+            lam: (A,) places.
+            mu: (A,) path speeds.
+
+        Returns:
+            ``orders`` (R,) that hold now, a new array.
+
+        Raises:
+            InputError: It is not of these arms or regions.
+        """
+        asked = asked_orders(self.regions, wanted)
+        keep_orders(
+            self._world, self.tables, self.orders, asked, lam, mu, self._scripted, self._uncertain, self._ticks,
+            self._asked, self.work,
+        )  # fmt: skip
+        return self.orders.copy()
+
+    def prefer(self, priority: ArrayLike) -> None:
+        """From now on let the arm with the higher number (A,) pass first wherever nobody has entered and it leads on.
+
+        Where numbers are equal everything stays as it is.
+        """
+        self._priority[:] = priority
+
+    @property
+    def precedence(self) -> Precedence:
+        """What the orders that hold now mean; regions where nobody waits are left out."""
+        return self.regions.precedence(self.orders)
 
     def leads_on(self, lam: Floats) -> bool:
         """Whether from arms at rest at ``lam`` (A,) the orders as they are lead all arms to their ends."""
         return bool(feasible(self._world, self.tables, self.orders, lam.copy(), np.zeros(len(lam))))
 
 
-def plan_of(cell: CoordinationCell, execution: Execution | None) -> Precedence | None:
+def asked_orders(regions: PassingOrders, wanted: Precedence | ArrayLike) -> Orders:
+    """(R,) what is asked for, a new array; see ``Shield.ask``.
+
+    Raises:
+        InputError: It is not of these arms or regions.
+    """
+    if isinstance(wanted, Precedence):
+        if wanted.lengths != regions.lengths:
+            raise InputError("the precedence is of other paths", remedy="plan in the cell of the shield")
+        return regions.of_precedence(wanted)
+    try:
+        asked = np.asarray(wanted)
+        good = asked.shape == (len(regions.regions),) and bool(np.isin(asked, (0, 1, NOBODY_WAITS)).all())
+    except ValueError:  # ragged
+        good = False
+    if not good:
+        raise InputError(
+            f"an order must be {len(regions.regions)} numbers 0, 1 or 2, got {brief(wanted)}",
+            remedy="give a Precedence, or one number for each collision region",
+        )
+    return asked.astype(np.int8)
+
+
+def plan_of(execution: Execution | None) -> Precedence | None:
     """What the arms of an execution obey; None: nothing, they run at full speed.
 
     Raises:
@@ -234,10 +314,6 @@ def plan_of(cell: CoordinationCell, execution: Execution | None) -> Precedence |
     """
     if execution is None:
         return None
-    if isinstance(execution, VciExecution):
-        pairs = combinations(range(len(cell.arms)), 2)
-        lengths = [path.length for path in cell.paths]
-        return Precedence.of_order(lengths, execution.order, {pair: cell.chart_between(*pair) for pair in pairs})
     plan = getattr(execution, "precedence", None)
     if not isinstance(plan, Precedence):
         raise InputError(
@@ -314,10 +390,38 @@ class EpisodeShield(Stateful):
         self._steps += 1
         return admitted
 
+    @property
+    def change(self) -> Floats:
+        """(A,) how much of each command was taken off in the last period."""
+        return self._change.copy()
+
+    @property
+    def orders(self) -> Orders:
+        """(R,) who passes first in each collision region, now; see ``Shield``. A new array."""
+        return self.shield.orders.copy()
+
+    @property
+    def regions(self) -> PassingOrders:
+        """The collision regions, R."""
+        return self.shield.regions
+
+    @property
+    def precedence(self) -> Precedence:
+        """What ``orders`` mean: how far every arm may go while another one is where it is."""
+        return self.shield.precedence
+
+    def ask(self, wanted: Precedence | ArrayLike) -> Orders:
+        """As ``Shield.ask``, for arms as they are now: the (R,) orders that hold; raises as it does."""
+        return self.shield.ask(wanted, self._simulation.lam, self._simulation.mu)
+
+    def prefer(self, priority: ArrayLike) -> None:
+        """As ``Shield.prefer``."""
+        self.shield.prefer(priority)
+
     def report(self, i: int, info: dict[str, Any], over: bool) -> None:
         """Add to arm i's info what was changed in the last period; when it is over, the sums too."""
-        change = float(self._change[i])
-        info["shield"] = {"changed": change != 0.0, "change": change}
+        change, orders = float(self._change[i]), tuple(self.shield.orders.tolist())
+        info["shield"] = {"changed": change != 0.0, "change": change, "orders": orders}
         if self._simulation.physics == "bullet":
             info["shield_tube_exceeded"] = not self._simulation.tracking_error().max() <= self._tube
         if over:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork, admit, first_orders
+from armtempo.envs.coordination.shield._admission import admit
+from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork
 from armtempo.envs.coordination.shield._shield import Shield
+from armtempo.envs.coordination.shield._turning import first_orders
 from armtempo.envs.coordination.world import (
     CoordinationOptions,
     CoordinationSimulation,
@@ -103,7 +105,7 @@ def _run(
                 asked[i] = 1.0 if period >= full_from or scripted[i] else _request(kinds[i], asked[i])
             admitted[:] = asked
             if shielded:
-                admit(world, tables, orders, lam, mu, asked, scripted, uncertain, ticks, admitted, work)
+                admit(world, tables, orders, work.wanted, lam, mu, asked, scripted, uncertain, ticks, admitted, work)
             if np.random.random() < 0.05:
                 stopped = not stopped and period < full_from + most // 2
             used, running = 0.0, False
