@@ -23,7 +23,7 @@ from typing import final
 import numpy as np
 
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
-from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, to_action
+from armtempo.agents.policies import Actions, Observations, Policy, RandomPolicy, action_size, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import OTHER, OWN, CoordinationEnv, EpisodeShield, share
 from armtempo.errors import InfeasibleError, UnknownNameError
@@ -68,7 +68,7 @@ class PhasePlanePolicy:
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """Full speed."""
-        return {agent: to_action(1.0) for agent in observations}
+        return {agent: to_action(1.0, action_size(env, agent)) for agent in observations}
 
 
 def _under(shield: EpisodeShield, execution: Execution, env: CoordinationEnv, lam: Floats) -> Execution:
@@ -116,7 +116,10 @@ class ExecutionPolicy:
             if shield is not None:
                 self._execution = _under(shield, self._execution, env, lam)
         commands = self._execution.commands(lam, mu)
-        return {agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])])) for agent in observations}
+        return {
+            agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])]), action_size(env, agent))
+            for agent in observations
+        }
 
 
 COORDINATION_POLICIES = ("phase-plane", *METHODS, *ORDER_POLICIES, "random")

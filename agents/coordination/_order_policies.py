@@ -17,7 +17,7 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.policies import Actions, Observations, to_action
+from armtempo.agents.policies import Actions, Observations, action_size, to_action
 from armtempo.arrays import Bools, Floats
 from armtempo.envs import CoordinationEnv, EpisodeShield
 from armtempo.errors import InputError
@@ -84,7 +84,7 @@ class OrderPolicy:
             self._periods = 0
         self._before = lam, mu, simulation.clock
         self._periods += 1
-        return {agent: to_action(1.0) for agent in observations}
+        return {agent: to_action(1.0, action_size(env, agent)) for agent in observations}
 
     def _stands(self, env: CoordinationEnv, shield: EpisodeShield, lam: Floats, mu: Floats) -> Bools:
         """(A,) arms that do as if they had been told to brake."""

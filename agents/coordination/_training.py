@@ -35,6 +35,8 @@ class CoordinationTask(TrainingTask):
         self.settings = {"physics": chosen.physics, "mode": chosen.mode}
         if chosen.shield:
             self.settings["shield"] = True
+        if chosen.action != "speed":  # files of before say nothing
+            self.settings["action"] = chosen.action
         self._drawn = _drawn_options(chosen)
 
     @property

@@ -17,6 +17,7 @@ from armtempo.agents.policies._policy import (
     Observations,
     Policy,
     RandomPolicy,
+    action_size,
     chosen_policies,
     to_action,
 )
@@ -36,5 +37,6 @@ __all__ = [
     "load_agent",
     "save_agent",
     "shipped_agents",
+    "action_size",
     "to_action",
 ]

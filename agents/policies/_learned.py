@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, final, overload
 
 from armtempo.agents.policies._agent_file import Agent, find_agent
-from armtempo.agents.policies._policy import Actions, Observations, to_action
+from armtempo.agents.policies._policy import Actions, Observations, action_size, to_action
 from armtempo.arrays import Floats32
 from armtempo.errors import InputError
 
@@ -29,7 +29,10 @@ class LearnedPolicy:
         if not isinstance(observation, dict):
             return self.agent.act(observation)
         mine = set(observation) if self.agent.header.learners == "all" else {env.possible_agents[-1]}
-        return {name: self.agent.act(row) if name in mine else to_action(1.0) for name, row in observation.items()}
+        return {
+            name: self.agent.act(row) if name in mine else to_action(1.0, action_size(env, name))
+            for name, row in observation.items()
+        }
 
 
 def learned_policy(name: str, env: Any, environment: str = "coordination") -> LearnedPolicy:
@@ -45,23 +48,29 @@ def learned_policy(name: str, env: Any, environment: str = "coordination") -> Le
         InputError: The file cannot be used, or the agent is for something else.
     """
     agent = find_agent(name)
-    _check_fits(name, agent, env, environment)
-    mode = agent.header.settings.get("mode", "speed")
-    if environment == "coordination" and mode != env.options.mode:
-        raise InputError(
-            f"{name} was trained in mode {mode}, and this is {env.options.mode}",
-            remedy="evaluate it in that mode",
-        )
+    _check_kind(name, agent, environment)
+    for what in ("action", "mode") if environment == "coordination" else ():
+        trained, here = agent.header.settings.get(what, "speed"), getattr(env.options, what)
+        if trained != here:
+            raise InputError(
+                f"{name} was trained with {what} {trained}, and this is {here}",
+                remedy=f'evaluate it with {what}="{trained}"',
+            )
+    _check_fits(name, agent, env)
     return LearnedPolicy(agent)
 
 
-def _check_fits(name: str, agent: Agent, env: Any, environment: str) -> None:
-    """Raise InputError unless an agent is one of this environment, and its observations and actions are the env's."""
+def _check_kind(name: str, agent: Agent, environment: str) -> None:
+    """Raise InputError unless an agent is one of this environment."""
     if agent.header.environment != environment:
         raise InputError(
             f"{name} is an agent of {agent.header.environment}, not of {environment}",
             remedy="evaluate it in a cell of its kind",
         )
+
+
+def _check_fits(name: str, agent: Agent, env: Any) -> None:
+    """Raise InputError unless an agent's observations and actions are the env's."""
     several = hasattr(env, "possible_agents")
     spaces = (
         (env.observation_space(env.possible_agents[0]), env.action_space(env.possible_agents[0]))

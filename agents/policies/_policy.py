@@ -58,9 +58,16 @@ class RandomPolicy:
         return self._random.uniform(-1.0, 1.0, shape).astype(np.float32)
 
 
-def to_action(command: float) -> Floats32:
-    """A command in [0, 1] as an action."""
-    return np.array([2.0 * command - 1.0], dtype=np.float32)
+def to_action(command: float, size: int = 1) -> Floats32:
+    """A command in [0, 1] as an action (size,); a priority, if it has one, is 0."""
+    action = np.zeros(size, dtype=np.float32)
+    action[0] = 2.0 * command - 1.0
+    return action
+
+
+def action_size(env: Any, agent: str) -> int:
+    """How many numbers an action of an agent has."""
+    return int(env.action_space(agent).shape[0])
 
 
 def chosen_policies(policies: Sequence[str] | str | None, known: Sequence[str], episodes: int) -> tuple[str, ...]:

@@ -62,6 +62,8 @@ class CoordinationTraining(EnvironmentTraining):
     """``ideal`` moves arms exactly as commanded, thousands at once; ``bullet`` simulates torque control."""
     mode: Literal["speed", "acceleration"] = "speed"
     """What an action means."""
+    action: Literal["speed", "speed+priority"] = "speed"
+    """What an action has: one number, or two, the second saying whom the shield lets pass first."""
     shield: StrictBool = False
     """Admit only actions from which all arms can still stop in time and go on."""
     disturbance: Literal["late", "slow", "stop-and-go", "any"] | None = None
@@ -93,6 +95,8 @@ class CoordinationTraining(EnvironmentTraining):
             raise ValueError("start_phase: must be [lowest, highest], the lowest first and both below 1")
         if self.physics == "bullet" and self.reward == "team":
             raise ValueError("reward: team needs physics: ideal")
+        if self.action == "speed+priority" and not self.shield:
+            raise ValueError("action: speed+priority needs shield: true")
         for key in ("undisturbed_share", "undisturbed_until", "cut_penalty"):
             if self.physics == "bullet" and getattr(self, key):
                 raise ValueError(f"{key}: needs physics: ideal")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, read_actions
+from armtempo.envs.common._actions import TIME_LIMIT, check_late, read_action, read_actions, read_command
 from armtempo.envs.common._drawn_cells import DrawnCells, Slots, families_of
 from armtempo.envs.common._entries import Entry, action_space, observation_space, observation_table, share
 from armtempo.envs.common._lifecycle import Lifecycle
@@ -95,6 +95,7 @@ __all__ = [
     "progress_reward",
     "read_action",
     "read_actions",
+    "read_command",
     "read_seed",
     "share",
     "spread",

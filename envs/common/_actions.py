@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,17 @@ def read_action(action: ArrayLike, agent: str) -> float:
     Raises:
         ActionError: It is not one finite number.
     """
-    return 0.5 * (float(read_actions(action, 1, agent)[0]) + 1.0)
+    return read_command(action, 1, agent)[0]
+
+
+def read_command(action: ArrayLike, size: int, agent: str) -> tuple[float, float]:
+    """An action of one or two numbers in [-1, 1] as a command in [0, 1], and the second number; nan: there is none.
+
+    Raises:
+        ActionError: It is not so many finite numbers.
+    """
+    values = read_actions(action, size, agent)
+    return 0.5 * (float(values[0]) + 1.0), float(values[1]) if size > 1 else math.nan
 
 
 def read_actions(action: ArrayLike, size: int, agent: str) -> Floats:

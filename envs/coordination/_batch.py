@@ -244,15 +244,19 @@ class BatchSimulation(Stateful):
             )  # fmt: skip
         return self.orders
 
-    def step(self, commands: Floats, active: Bools | None = None) -> None:
+    def step(self, commands: Floats, active: Bools | None = None, priority: Floats | None = None) -> None:
         """Run one control period under ``commands`` (E, A) in [0, 1]; episodes that are not ``active`` stand still.
 
+        ``priority`` (E, A): as ``EpisodeShield.prefer``; arms that have arrived keep theirs.
         Go on only with episodes that are not over: no violation, not truncated, somebody still to arrive.
         """
         commands = np.ascontiguousarray(commands, dtype=np.float64)
         if commands.shape != self.lam.shape:
             raise InputError(f"commands have shape {commands.shape}", remedy=f"give {self.lam.shape}")
         active = self._all if active is None else active
+        if priority is not None:
+            given = active[:, None] & ~self.terminated & ~np.isnan(priority)
+            self._priority[given] = priority[given]
 
         def part(k: int, first: int, last: int) -> None:
             asked = commands

@@ -21,7 +21,7 @@ from armtempo.envs.common import (
     action_space,
     observation_space,
     options_of,
-    read_action,
+    read_command,
     read_seed,
 )
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names, times_of
@@ -52,6 +52,11 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
     - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path
       speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
+
+    With ``action="speed+priority"`` (under the shield) an action is (2,): the same number, and a *priority* in [-1, 1],
+    held until the next action, at first 0. Wherever two arms may still pass either way (nobody has entered, who would
+    wait can stop in time, all arrive in the end) the higher number passes first; of equal ones whoever is first, which
+    the speeds decide as they do without priorities. ``info["shield"]["orders"]`` tells who passes first now.
 
     **Observation**, Box, (21,) float32, the same for every cell:
 
@@ -113,9 +118,9 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         record: Keep a ``CoordinationTrace``.
-        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``disturbance``, ``observation_noise``,
-            ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``, ``shield_tube_m``,
-            ``max_episode_s``.
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``disturbance``,
+            ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``,
+            ``shield_tube_m``, ``max_episode_s``.
 
     Attributes:
         options: The ``CoordinationOptions``.
@@ -159,7 +164,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
         self.observation_spaces = {agent: observation_space(COORDINATION_ENTRIES) for agent in self.possible_agents}
-        self.action_spaces = {agent: action_space() for agent in self.possible_agents}
+        self.action_spaces = {agent: action_space(self.options.action_size) for agent in self.possible_agents}
         self.np_random, self.np_random_seed = seeding.np_random(None)
 
     def made_of(self) -> State:
@@ -181,7 +186,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
-        """Box(-1, 1, (1,)) float32."""
+        """Box(-1, 1, (1,)) float32; (2,) with a priority."""
         return self.action_spaces[agent]
 
     def reset(
@@ -229,13 +234,16 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
                 remedy=f"give one for each of {', '.join(self.agents)}",
             )
         commands = self._full_speed.copy()  # an arm at its goal stays there
+        priority = np.full(len(commands), np.nan)
         for agent in self.agents:
             if agent not in actions:
                 raise ActionError(
                     f"no action for {agent}", remedy=f"give one for each of {', '.join(self.agents)}", agent=agent
                 )
-            commands[self.possible_agents.index(agent)] = read_action(actions[agent], agent)
+            i = self.possible_agents.index(agent)
+            commands[i], priority[i] = read_command(actions[agent], self.options.action_size, agent)
         if self.shield is not None:
+            self.shield.prefer(priority)
             commands = self.shield.commands(commands)
         self._episode.step(commands)
         rows = self.simulation.observe()

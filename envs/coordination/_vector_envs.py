@@ -125,12 +125,16 @@ class YieldingBatch(Batch):
         """Run one control period of these (E,)."""
         commands, simulation = self._commands, self.simulation
         commands[:, self._own] = as_commands(actions[:, 0])
+        priority = None
+        if actions.shape[1] > 1:
+            priority = np.full(commands.shape, np.nan)
+            priority[:, self._own] = actions[:, 1]
         for e, execution in enumerate(self._others):
             if active[e]:
                 own = commands[e, self._own]
                 commands[e] = execution.commands(simulation.lam[e].copy(), simulation.mu[e].copy())
                 commands[e, self._own] = own
-        simulation.step(commands, active)
+        simulation.step(commands, active, priority)
 
     def figures(self, over: Bools) -> dict[str, Any]:
         """How the episodes ended, and what the shield did in them."""
@@ -209,7 +213,7 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
         )  # fmt: skip
         made_of = {"options": chosen, "learner": own, "others": others, **times_of(self.cell)}
         batch = YieldingBatch(self.simulation, own, each, chosen.shield, made_of)
-        seen, actions = observation_space(COORDINATION_ENTRIES), action_space()
+        seen, actions = observation_space(COORDINATION_ENTRIES), action_space(chosen.action_size)
         super().__init__(batch, count, seen=seen, actions=actions, autoreset_mode=autoreset_mode)
 
 
@@ -283,10 +287,14 @@ class CellsBatch(Batch):
         """Run one control period of these (E,)."""
         commands = self._full.copy()
         commands[:, self._learners] = as_commands(actions[:, self._learners, 0])
+        priority = None
+        if actions.shape[2] > 1:
+            priority = np.full(commands.shape, np.nan)
+            priority[:, self._learners] = actions[:, self._learners, 1]
 
         def part(_: int, first: int, last: int) -> None:
             for one, span in zip(self.simulations[first:last], self.spans[first:last], strict=True):
-                one.step(commands[span], active[span])
+                one.step(commands[span], active[span], None if priority is None else priority[span])
 
         self._chunks.run(part)
 
@@ -322,11 +330,11 @@ class CellsBatch(Batch):
 class CoordinationVectorEnv(VectorBase[CellsBatch]):
     """E episodes at once of one or several cells with A arms each, for all arms, without physics.
 
-    Observations (E, A, 21), actions (E, A, 1), rewards (E, A): arrays, no names. An episode is over when two arms
-    came too close, all have arrived, or time is up; it begins anew in the same step. Then infos hold ``final_obs``
-    (E, A, 21) and ``final_info``: ``arrival_s`` (E, A), ``makespan_s``, ``violation``, ``is_success`` (E,), both with a
-    mask (``_final_obs``, ``_final_info``). An arm that has arrived gets reward 0 and is terminated until then. A reset
-    may be given ``master_late_s`` [s].
+    Observations (E, A, 21), actions (E, A, 1) or, with priorities, (E, A, 2), rewards (E, A): arrays, no names. An
+    episode is over when two arms came too close, all have arrived, or time is up; it begins anew in the same step. Then
+    infos hold ``final_obs`` (E, A, 21) and ``final_info``: ``arrival_s`` (E, A), ``makespan_s``, ``violation``,
+    ``is_success`` (E,), both with a mask (``_final_obs``, ``_final_info``). An arm that has arrived gets reward 0 and
+    is terminated until then. A reset may be given ``master_late_s`` [s].
 
     Episode k of seed s has the bits of a ``CoordinationEnv`` with ``physics="ideal"`` and seed s + k. A row (see
     ``VectorBase``) is a learner: row ``e L + k`` is learner k of L in episode e.
@@ -383,7 +391,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         times = [times_of(one) for one in self.cells]
         made_of = {"options": chosen, "learners": self.learners, "reward": reward, "cells": times}
         batch = CellsBatch(simulations, self.learners, chosen.shield, together, made_of)
-        self.arm_observation_space, self.arm_action_space = observation_space(COORDINATION_ENTRIES), action_space()
+        self.arm_observation_space = observation_space(COORDINATION_ENTRIES)
+        self.arm_action_space = action_space(chosen.action_size)
         super().__init__(
             batch, count,
             seen=batch_space(self.arm_observation_space, self.arms),
@@ -437,7 +446,8 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         return np.ascontiguousarray(mine.reshape(-1, *mine.shape[2:]))
 
     def from_rows(self, actions: NDArray[Any]) -> NDArray[Any]:
-        """Actions (E L, 1) as (E, A, 1)."""
-        given = np.ones((self.num_envs, self.arms, 1), dtype=actions.dtype)
-        given[:, self.learners] = actions.reshape(self.num_envs, -1, 1)
+        """Actions (E L, n) as (E, A, n)."""
+        size = actions.shape[-1]
+        given = np.ones((self.num_envs, self.arms, size), dtype=actions.dtype)
+        given[:, self.learners] = actions.reshape(self.num_envs, -1, size)
         return given

@@ -11,7 +11,7 @@ from gymnasium.spaces import Box
 
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
-from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_action
+from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_command
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, times_of
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
 from armtempo.envs.coordination.world import (
@@ -39,6 +39,10 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
     - ``speed`` (default): head for ``f mu*`` as fast as the torque limits allow, where ``mu*`` is the highest path
       speed from which the end can still be met. 1 is the minimum-time motion, -1 maximum braking.
     - ``acceleration``: ``mu_dot = low + f (high - low)``, the admissible accelerations.
+
+    With ``action="speed+priority"`` (under the shield) an action is (2,), as in ``CoordinationEnv``: so that agents for
+    all arms run here, too. The others are not changed by the shield, they pass first where they want to: here the
+    second number has no effect.
 
     **Observation**, Box, (21,) float32, the same for every cell:
 
@@ -104,9 +108,9 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
             lead on, give ``optimal``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         record: Keep a ``CoordinationTrace``.
-        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``disturbance``, ``observation_noise``,
-            ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``, ``shield_tube_m``,
-            ``max_episode_s``.
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``disturbance``,
+            ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``,
+            ``shield_tube_m``, ``max_episode_s``.
 
     Attributes:
         options: The ``CoordinationOptions``.
@@ -144,7 +148,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         self._episode = Episode(self.cell, self.options, record=record)
         self.simulation = self._episode.simulation
         self.observation_space: Box = observation_space(COORDINATION_ENTRIES)  # type: ignore[assignment]
-        self.action_space: Box = action_space()  # type: ignore[assignment]
+        self.action_space: Box = action_space(self.options.action_size)  # type: ignore[assignment]
         self._full_speed = np.ones(len(self.cell.arms))
         self._others: Execution | None
         if others is None or isinstance(others, str):
@@ -190,13 +194,14 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         }
 
     def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
-        command = read_action(action, self.cell.arms[self._own].name)
+        command, priority = read_command(action, self.options.action_size, self.cell.arms[self._own].name)
         if self._others is None:
             commands = self._full_speed.copy()
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = command
         if self.shield is not None:
+            self.shield.prefer(np.where(np.arange(len(commands)) == self._own, priority, np.nan))
             commands = self.shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)

@@ -46,7 +46,7 @@ def _options_of(env_id: str) -> dict[str, tuple[Any, ...]]:
     return common | {
         "mode": ("speed", "acceleration"), "disturbance": (None, "any", "late"), "observation_noise": (0.0, 0.01),
         "start_phase": (0.0, 0.3, (0.0, 0.3)), "master_late_s": (0.0, (0.0, 0.1)), "friction_error": (0.0, 0.5),
-        "shield": (False, True), "shield_tube_m": (0.0, 0.001),
+        "shield": (False, True), "action": ("speed", "speed+priority"), "shield_tube_m": (0.0, 0.001),
     }  # fmt: skip
 
 

@@ -269,9 +269,10 @@ class Shield(Stateful):
     def prefer(self, priority: ArrayLike) -> None:
         """From now on let the arm with the higher number (A,) pass first wherever nobody has entered and it leads on.
 
-        Where numbers are equal everything stays as it is.
+        nan leaves an arm's number as it is, 0 at first. Where two are equal, what was asked for holds, or who is first.
         """
-        self._priority[:] = priority
+        given = np.asarray(priority, dtype=np.float64)
+        self._priority[:] = np.where(np.isnan(given), self._priority, given)
 
     @property
     def precedence(self) -> Precedence:

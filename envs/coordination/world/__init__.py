@@ -21,7 +21,13 @@ from armtempo.envs.coordination.world._disturbed_motion import disturbed_motion
 from armtempo.envs.coordination.world._entries import COORDINATION_ENTRIES, OTHER, OTHERS, OWN, SIZE
 from armtempo.envs.coordination.world._keeping_up import check_torque_left, with_auto_reserve
 from armtempo.envs.coordination.world._kernels import observe, run_periods, scratch_for
-from armtempo.envs.coordination.world._options import MODES, CoordinationKeywords, CoordinationOptions
+from armtempo.envs.coordination.world._options import (
+    ACTION_FORMS,
+    MODES,
+    ActionForm,
+    CoordinationKeywords,
+    CoordinationOptions,
+)
 from armtempo.envs.coordination.world._simulation import CoordinationSimulation, CoordinationTrace
 from armtempo.envs.coordination.world._world import (
     Episodes,
@@ -44,6 +50,8 @@ __all__ = [
     "CoordinationOptions",
     "CoordinationTrace",
     "Episodes",
+    "ACTION_FORMS",
+    "ActionForm",
     "MODES",
     "OTHER",
     "OTHERS",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypedDict, get_args
+from typing import Literal, TypedDict, get_args
 
 from armtempo.envs.bodies import Physics
 from armtempo.envs.common import check_bodies, check_flags, check_names, check_time_limit, is_number
@@ -19,7 +19,10 @@ from armtempo.envs.coordination.world._disturbance import (
 from armtempo.errors import InputError, brief
 from armtempo.planners.topp import Mode
 
+ActionForm = Literal["speed", "speed+priority"]
+
 MODES: tuple[Mode, ...] = get_args(Mode)
+ACTION_FORMS: tuple[ActionForm, ...] = get_args(ActionForm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,9 @@ class CoordinationOptions:
 
     mode: Mode = "speed"
     """What an action means: a share of the highest safe "speed", or of the admissible "acceleration"."""
+
+    action: ActionForm = "speed"
+    """What an action has: a "speed" (of that mode), (1,), or "speed+priority", (2,), the other for the shield."""
 
     disturbance: str | Disturbance | None = None
     """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go, any; with all-any and so
@@ -65,9 +71,14 @@ class CoordinationOptions:
     max_episode_s: float | None = None
     """Time limit [s] instead of five sequential times."""
 
+    @property
+    def action_size(self) -> int:
+        """How many numbers an action has."""
+        return 1 + ACTION_FORMS.index(self.action)
+
     def __post_init__(self) -> None:
         check_bodies(self.physics, model_error=self.model_error, friction_error=self.friction_error)
-        check_names(("mode", self.mode, MODES))
+        check_names(("mode", self.mode, MODES), ("action", self.action, ACTION_FORMS))
         if isinstance(self.disturbance, str):
             check_names(("disturbance", self.disturbance, DISTURBANCES))
         elif not isinstance(self.disturbance, Disturbance | None):
@@ -76,6 +87,10 @@ class CoordinationOptions:
                 remedy=f"known: {', '.join(DISTURBANCES)}",
             )
         check_flags(shield=self.shield)
+        if self.action_size > 1 and not self.shield:
+            raise InputError(
+                "a priority tells the shield who passes first, and there is none", remedy="add shield=True"
+            )
         as_noise(self.observation_noise)
         as_range(self.start_phase, "start_phase", 0.999)
         as_range(self.master_late_s, "master_late_s", math.inf)
@@ -101,6 +116,7 @@ class CoordinationKeywords(TypedDict, total=False):
 
     physics: Physics
     mode: Mode
+    action: ActionForm
     disturbance: str | Disturbance | None
     observation_noise: float
     start_phase: float | Range

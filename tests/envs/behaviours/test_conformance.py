@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -20,6 +21,8 @@ from armtempo.envs import (
     CoordinationEnv,
     FeedbackIKEnv,
     Physics,
+    ShieldParallelWrapper,
+    ShieldWrapper,
     YieldingEnv,
     coordination_v0,
 )
@@ -28,6 +31,7 @@ from armtempo.planners.topp import Mode
 
 assert armtempo.__version__  # importing armtempo is what registers the environments
 BOTH = list(itertools.product(PHYSICS, MODES))
+PRIORITY: dict[str, Any] = {"action": "speed+priority", "shield": True}
 
 
 @pytest.fixture(autouse=True)
@@ -62,6 +66,22 @@ def test_stable_baselines3_check_env(lee1991: CoordinationCell, physics: Physics
     env = _checked_yielding(lee1991, physics, mode)
     sb3_check_env(env, warn=True)
     env.close()
+
+
+@pytest.mark.parametrize("physics", PHYSICS)
+def test_actions_with_a_priority_pass_all_checkers(lee1991: CoordinationCell, physics: Physics) -> None:
+    from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+    env = gymnasium.make("armtempo/Yielding-v0", cell=lee1991, physics=physics, **PRIORITY)
+    assert env.spec is not None
+    check_env(env.unwrapped, skip_render_check=True)
+    sb3_check_env(env.unwrapped, warn=True)
+    env.close()
+    parallel_api_test(CoordinationEnv(lee1991, physics=physics, **PRIORITY), num_cycles=100)
+    api_test(coordination_v0.env(cell=lee1991, physics=physics, **PRIORITY), num_cycles=100)
+    wrapped = ShieldParallelWrapper(CoordinationEnv(lee1991, physics=physics), action="speed+priority")
+    parallel_api_test(wrapped, num_cycles=100)
+    sb3_check_env(ShieldWrapper(YieldingEnv(lee1991, physics=physics), action="speed+priority"), warn=True)
 
 
 @pytest.mark.parametrize("family", ["given", "line-arc"])

@@ -76,6 +76,8 @@ def test_a_missing_action(lee1991: CoordinationCell) -> None:
         ({"start_phase": (0.1, 0.2, 0.3)}, InputError, ("start_phase", "(0.1, 0.2, 0.3)")),
         ({"observation_noise": True}, InputError, ("observation_noise", "True")),
         ({"disturbance": 3}, InputError, ("disturbance must be a name or a Disturbance, got 3", "stop-and-go")),
+        ({"action": "priority"}, UnknownNameError, ("action 'priority'", "speed+priority")),
+        ({"action": "speed+priority"}, InputError, ("a priority", "shield=True")),
         ({"shield_tube_m": "x"}, InputError, ("shield_tube_m must be a distance", "'x'")),
     ],
 )

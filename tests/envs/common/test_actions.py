@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armtempo.envs.common._actions import check_late, read_action, read_actions
+from armtempo.envs.common._actions import check_late, read_action, read_actions, read_command
 from armtempo.errors import ActionError, InputError
 
 
@@ -54,3 +54,12 @@ def test_lateness_is_a_time(bad: object) -> None:
     check_late(np.float32(0.5))
     with pytest.raises(InputError, match="master_late_s must be a time in seconds"):
         check_late(bad)
+
+
+def test_a_second_number_is_a_priority() -> None:
+    command, priority = read_command(np.array([0.0, -2.0]), 2, "arm")
+    assert (command, priority) == (0.5, -1.0)
+    assert np.isnan(read_command(0.0, 1, "arm")[1])
+    for bad in (np.zeros(1), np.zeros(3), np.array([0.0, np.nan]), 0.0):
+        with pytest.raises(ActionError, match="2 finite numbers"):
+            read_command(bad, 2, "arm7")

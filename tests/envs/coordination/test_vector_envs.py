@@ -30,6 +30,9 @@ MANY: dict[str, Any] = {
     "start_phase": (0.0, 0.3),
     "master_late_s": (0.0, 0.15),
 }
+PRIORITY: dict[str, Any] = {
+    "shield": True, "action": "speed+priority", "start_phase": (0.0, 0.3), "disturbance": "stop-and-go",
+}  # fmt: skip
 CASES: list[dict[str, Any]] = [
     {},
     {"mode": "acceleration", "master_late_s": 0.11},
@@ -42,6 +45,7 @@ CASES: list[dict[str, Any]] = [
     },
     {"max_episode_s": 0.2, "observation_noise": 0.1},
     {"shield": True, "start_phase": (0.0, 0.3), "disturbance": "stop-and-go"},
+    PRIORITY,
 ]
 
 
@@ -66,7 +70,7 @@ def test_all_arms_have_the_bits_of_single_environments(lee1991: CoordinationCell
     generator = np.random.default_rng(3)
     ends = {"violation": 0, "arrived": 0, "time": 0}
     for _ in range(400):
-        actions = _actions(generator, (count, arms, 1))
+        actions = _actions(generator, (count, arms, *many.arm_action_space.shape))
         observations, rewards, terminated, truncated, infos = many.step(actions)
         for e, env in enumerate(singles):
             running = env.agents
@@ -106,7 +110,7 @@ def test_all_arms_have_the_bits_of_single_environments(lee1991: CoordinationCell
 
 
 @pytest.mark.parametrize("autoreset", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("options", [MANY, {"others": "delay"}])
+@pytest.mark.parametrize("options", [MANY, {"others": "delay"}, {"others": "delay", **PRIORITY}])
 def test_yielding_has_the_bits_of_gymnasiums_own_vector(
     lee1991: CoordinationCell, autoreset: AutoresetMode, options: dict[str, Any]
 ) -> None:
@@ -121,6 +125,7 @@ def test_yielding_has_the_bits_of_gymnasiums_own_vector(
     assert isinstance(many, YieldingVectorEnv)
     assert many.observation_space == wanted.observation_space
     assert many.action_space == wanted.action_space
+    actions_shape = many.single_action_space.shape or ()
     assert many.metadata["autoreset_mode"] == autoreset
     one, info = many.reset(seed=7)
     two, wanted_info = wanted.reset(seed=7)
@@ -128,7 +133,7 @@ def test_yielding_has_the_bits_of_gymnasiums_own_vector(
     np.testing.assert_array_equal(info["master_late_s"], wanted_info["master_late_s"])
     generator, ended = np.random.default_rng(0), 0
     for _ in range(250):
-        actions = _actions(generator, (count, 1))
+        actions = _actions(generator, (count, *actions_shape))
         found, expected = many.step(actions), wanted.step(actions)
         for ours, theirs in zip(found[:4], expected[:4], strict=True):
             assert np.asarray(ours).dtype == np.asarray(theirs).dtype
