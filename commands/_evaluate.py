@@ -75,7 +75,10 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     chosen = tuple(dict.fromkeys(given.policies)) or None
     with kept_results("evaluate", _arguments(given, cell, options)) as kept:
         output.taken_over(kept)
-        with output.progress("Simulating", len(chosen or kind.policies) * given.episodes) as (progress, task):
+        with output.progress("Simulating", len(chosen or kind.usual_policies(options)) * given.episodes) as (
+            progress,
+            task,
+        ):
 
             def on_episode(policy: str, episode: int) -> None:
                 progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)

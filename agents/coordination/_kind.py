@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, make_policy
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES
 from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
 from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
@@ -19,8 +20,8 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
 from armtempo.planners.schedules import clairvoyant
 
-ONLINE = ("vci", "delay")
-"""Classical policies that react while they act: learned agents are held against the better of them."""
+ONLINE = ("vci", "delay", *ORDER_POLICIES)
+"""Classical policies that react while they act: learned agents are held against the best of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,6 +105,10 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
             env.close()
             raise
         return CoordinationRunner(env=env, policy=who, plan=plan, planning_time_s=planning)
+
+    def usual_policies(self, options: CoordinationOptions) -> Sequence[str]:
+        """Without a shield nobody can be asked to let others pass."""
+        return self.policies if options.shield else [name for name in self.policies if name not in ORDER_POLICIES]
 
     def measure(self, cell: CoordinationCell, runs: Sequence[CoordinationEpisode], seed: int) -> CoordinationResult:
         """Figures over the episodes; those beside other policies come with ``compare``."""

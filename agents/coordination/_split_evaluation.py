@@ -12,6 +12,7 @@ import numpy as np
 
 from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
 from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
 from armtempo.agents.coordination._result import safe_makespan
 from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
@@ -206,6 +207,8 @@ def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | 
         return learned_policy(name, env)
     if name == FULL_SPEED:
         return PhasePlanePolicy()
+    if name in ORDER_POLICIES:
+        return OrderPolicy(name, env.cell)
     plan = _best_plan(env.cell, name)
     return None if plan is None else ExecutionPolicy(partial(execution_of, plan))
 

@@ -96,7 +96,8 @@ def evaluate_kind(
     refused: dict[str, str] = {}
     runner: Runner[RunT] | None = None
     try:
-        for name in chosen_policies(policies, kind.policies, episodes):
+        asked = kind.usual_policies(options) if policies is None else policies
+        for name in chosen_policies(asked, kind.policies, episodes):
             known = _known(continuation, name)
             if "refused" in known:
                 refused[name] = known["refused"]

@@ -80,6 +80,10 @@ class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
         """
         ...
 
+    def usual_policies(self, options: OptionsT) -> Sequence[str]:
+        """The baselines that are run where none is named."""
+        return self.policies
+
     def measure(self, cell: CellT_contra, runs: Sequence[RunT], seed: int) -> ResultT:
         """The figures of a policy over its episodes; ``seed`` is that of the bootstrap."""
         ...

@@ -1,0 +1,79 @@
+"""Policies that decide who passes first on the way, run under the shield."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armtempo.agents import evaluate
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
+from armtempo.agents.evaluation import play
+from armtempo.envs import CoordinationEnv, Disturbance
+from armtempo.errors import InputError
+from armtempo.planners import CoordinationCell, generate_cell, load_cell
+from armtempo.planners.topp import Mode
+
+
+@pytest.fixture(scope="module")
+def ring() -> CoordinationCell:
+    """Four arms, which the order of the file makes wait."""
+    return generate_cell("ring", 777, 3, arms=4).cell
+
+
+def makespan(env: CoordinationEnv, name: str, seed: int = 0) -> float:
+    play(env, OrderPolicy(name, env.cell), seed)
+    assert not env.simulation.violated
+    return float(env.simulation.arrival.max())
+
+
+@pytest.mark.parametrize("mode", ["speed", "acceleration"])
+def test_they_are_quicker_than_the_order_of_the_file(ring: CoordinationCell, mode: Mode) -> None:
+    env = CoordinationEnv(ring, physics="ideal", shield=True, mode=mode)
+    env.reset(seed=0)
+    while env.agents:
+        env.step({agent: np.ones(1, dtype=np.float32) for agent in env.agents})
+    full_speed = float(env.simulation.arrival.max())
+    found = {name: makespan(env, name) for name in ORDER_POLICIES}
+    assert found["search"] == found["search+stop"]  # nobody stops
+    assert min(found.values()) >= ring.lower_bound
+    assert max(found.values()) < 0.999 * full_speed
+
+
+@pytest.mark.parametrize("name", ORDER_POLICIES)
+def test_all_arrive_whoever_stops_and_the_same_seed_gives_the_same(ring: CoordinationCell, name: str) -> None:
+    env = CoordinationEnv(ring, physics="ideal", shield=True, disturbance="all-any", action="speed+priority")
+    for seed in range(3):
+        first = makespan(env, name, seed)
+        assert np.isfinite(first)
+        assert makespan(env, name, seed) == first
+
+
+def test_an_arm_that_stands_is_seen_and_how_long_it_stood() -> None:
+    cell = load_cell("lee1991")
+    stop = Disturbance(stops=(1, 1), stop_s=(0.1, 0.1), arms=(0,))
+    env = CoordinationEnv(cell, physics="ideal", shield=True, disturbance=stop)
+    policy = OrderPolicy("search+stop", cell)
+    for seed in range(20):
+        observations, infos = env.reset(seed=seed)
+        (begin, end), seen = infos["arm_0"]["disturbance"]["stops_s"][0][0], []
+        if 0.02 < begin < 0.1:  # while it is not braking anyway
+            break
+    policy.reset()
+    while env.agents:
+        actions = policy.act({agent: observations[agent] for agent in env.agents}, env)
+        if policy._stood[0]:
+            seen.append(float(env.simulation.time))
+        assert not policy._stood[1]
+        observations, *_ = env.step(actions)
+    period = cell.control_period
+    assert begin < seen[0] <= begin + 2.0 * period + 1e-9
+    assert end - 1e-9 <= seen[-1] <= end + 2.0 * period
+    assert policy._rests == [pytest.approx(end - begin, abs=2.0 * period)]
+
+
+def test_without_a_shield_they_are_not_offered_and_say_what_they_need() -> None:
+    cell = load_cell("lee1991")
+    with pytest.raises(InputError, match="search decides whom a shield lets pass"):
+        evaluate(cell, ["search"], physics="ideal")
+    results = evaluate(cell, ["search", "phase-plane"], physics="ideal", shield=True).results
+    assert results["search"].makespan_s == results["phase-plane"].makespan_s  # both orders are as good here
