@@ -26,7 +26,7 @@ from armtempo.envs.coordination import (
     YieldingEnv,
     YieldingVectorEnv,
 )
-from armtempo.envs.coordination.shield import REQUESTS, EpisodeShield, Shield, ShieldTrial, shield_trial
+from armtempo.envs.coordination.shield import CHANNELS, REQUESTS, EpisodeShield, Shield, ShieldTrial, shield_trial
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
     DISTURBANCES,
@@ -51,6 +51,7 @@ from armtempo.envs.ik import (
 )
 
 __all__ = [
+    "CHANNELS",
     "BlendOptions",
     "CoordinationOptions",
     "IKOptions",

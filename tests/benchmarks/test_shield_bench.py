@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from itertools import product
 
 import numpy as np
 import pytest
 
-from armtempo.envs import REQUESTS, CoordinationEnv, ShieldTrial, YieldingEnv, shield_trial
+from armtempo.envs import CHANNELS, MODES, REQUESTS, CoordinationEnv, ShieldTrial, YieldingEnv, shield_trial
 from armtempo.errors import InfeasibleError
-from armtempo.planners import CoordinationCell, benchmark_instances, load_cell, schedule
+from armtempo.planners import CoordinationCell, benchmark_instances, generate_cell, load_cell, schedule
 
 STEPS = 2_000_000
 BUNDLED = ("lee1991", "mixed-priority", "planar-four", "iiwa-pair", "panda-pair")
@@ -66,6 +67,45 @@ def test_nothing_violates_or_sticks(capsys: pytest.CaptureFixture[str]) -> None:
     assert total["collide without"] > len(builders) // 2
     assert total["steps"] >= STEPS * (1.0 - len(left_out) / len(builders))
     assert len(left_out) <= len(builders) // 20
+
+
+def test_many_arms_whoever_is_to_pass_first(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two million steps: rings of two to six arms, both modes, every channel, from the start and from anywhere."""
+    cells = [generate_cell("ring", 1, k, arms=arms).cell for arms in (3, 4, 5, 6) for k in range(2)]
+    cells += [load_cell("mixed-priority"), load_cell("planar-four")]
+    variants = list(product(MODES, CHANNELS, (0.0, 0.4), (False, True)))
+    share, total, left_out = STEPS // (len(cells) * len(variants)) + 1, 0, []
+    with capsys.disabled():
+        for cell in cells:
+            began, stuck, violations, steps = time.process_time(), 0, 0, 0
+            for k, (mode, channel, phase, late) in enumerate(variants):
+                uncertain = (k % len(cell.arms), (k + 1) % len(cell.arms)) if late else ()
+                try:
+                    trial = shield_trial(
+                        cell,
+                        "mixed",
+                        share,
+                        seed=k,
+                        mode=mode,
+                        channel=channel,
+                        start_phase=(0.0, phase),
+                        uncertain=uncertain,
+                    )
+                except InfeasibleError:
+                    left_out.append(cell.name)
+                    break
+                steps, stuck, violations = steps + trial.steps, stuck + trial.stuck, violations + trial.violations
+                if trial.stuck or trial.violations:
+                    print(f"{cell.name} {variants[k]} {trial}")  # noqa: T201
+            seconds = time.process_time() - began
+            print(  # noqa: T201
+                f"{cell.name:>24} {len(cell.arms)} arms {steps:>8} steps {1e6 * seconds / max(steps, 1):6.1f} us, "
+                f"violations {violations}, deadlocks {stuck}", flush=True,
+            )  # fmt: skip
+            assert not violations
+            assert not stuck
+            total += steps
+        print(f"{total} agent steps, no passing order found: {left_out or 'none'}")  # noqa: T201
 
 
 def test_scripted_arms_that_are_disturbed(capsys: pytest.CaptureFixture[str]) -> None:

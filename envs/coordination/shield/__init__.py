@@ -12,10 +12,11 @@ from armtempo.envs.coordination.shield._shield import (
     shield_tables,
     shield_work,
 )
-from armtempo.envs.coordination.shield._trial import REQUESTS, ShieldTrial, shield_trial
+from armtempo.envs.coordination.shield._trial import CHANNELS, REQUESTS, ShieldTrial, shield_trial
 from armtempo.envs.coordination.shield._turning import keep_orders
 
 __all__ = [
+    "CHANNELS",
     "EpisodeShield",
     "NOBODY_WAITS",
     "Orders",

@@ -30,8 +30,10 @@ def _cut(
 ) -> None:  # fmt: skip
     """Lower the command of arm i, by bisection, until it stays behind all its limits."""
     low, high = 0, int(np.ceil(commands[i] * COMMAND_STEPS))
+    first = mu[i] <= 0.0  # an arm that stands mostly waits: then not even the smallest command fits
     while high - low > 1:
-        middle = (low + high) // 2
+        middle = 1 if first else (low + high) // 2
+        first = False
         commands[i], work.length[COMMANDED, i] = middle / COMMAND_STEPS, 0
         fitting = True
         for r in range(orders.shape[0]):

@@ -5,16 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
+from armtempo.envs.common import ideal_options
 from armtempo.envs.coordination.shield._admission import admit
-from armtempo.envs.coordination.shield._kernels import ShieldTables, ShieldWork
+from armtempo.envs.coordination.shield._kernels import NOBODY_WAITS, Orders, ShieldTables, ShieldWork
 from armtempo.envs.coordination.shield._shield import Shield
-from armtempo.envs.coordination.shield._turning import first_orders
+from armtempo.envs.coordination.shield._turning import first_orders, keep_orders, set_wanted
 from armtempo.envs.coordination.world import (
+    CoordinationKeywords,
     CoordinationOptions,
     CoordinationSimulation,
     World,
@@ -24,10 +26,11 @@ from armtempo.envs.coordination.world import (
 )
 from armtempo.planners import CoordinationCell
 from armtempo.planners.charts import tabulated_clearance
-from armtempo.planners.topp import Mode
 from armtempo.planners.topp import kernels as phase_kernels
 from armtempo.robots import njit
 
+CHANNELS = ("speed", "speed+priority", "asked")
+SPEED, PRIORITY, ASKED = range(3)  # places in ``CHANNELS``
 REQUESTS = ("full", "random", "persistent", "bang-bang", "mixed")
 FULL, RANDOM, PERSISTENT, BANG_BANG, MIXED = range(5)  # places in ``REQUESTS``
 STEPS, EPISODES, VIOLATIONS, STUCK, CHANGED = range(5)  # of what is counted
@@ -74,10 +77,44 @@ def _request(kind: int, before: float) -> float:
 
 
 @njit
+def _begin(
+    world: World, tables: ShieldTables, scripted: Bools, orders: Orders, phase: float, d_min: float, lam: Floats,
+    work: ShieldWork,
+) -> None:  # fmt: skip
+    """Arms at rest at the start of their paths, or somewhere on the first ``phase`` of them."""
+    apart = phase > 0.0
+    for i in range(lam.shape[0]):
+        lam[i] = phase * np.random.random() * length_of(world, i)
+    for p in range(world.clearance.shape[0]):
+        a, b = world.clearance[p, 0], world.clearance[p, 1]
+        apart = apart and tabulated_clearance(clearance_of(world, p), lam[a], lam[b]) >= d_min
+    if not (apart and first_orders(world, tables, lam, scripted, orders, work)):
+        lam[:] = 0.0
+        first_orders(world, tables, lam, scripted, orders, work)
+
+
+@njit
+def _want(
+    world: World, tables: ShieldTables, channel: int, often: float, scripted: Bools, uncertain: Bools, ticks: int,
+    orders: Orders, asked: Orders, priority: Floats, lam: Floats, mu: Floats, work: ShieldWork,
+) -> None:  # fmt: skip
+    """Now and then other numbers, ties among them, or other orders, some regions left free."""
+    if channel == PRIORITY:
+        for i in range(priority.shape[0]):
+            if np.random.random() < often:
+                priority[i] = np.random.random() if np.random.random() < 0.5 else float(np.random.randint(0, 3))
+    elif channel == ASKED and np.random.random() < often:
+        for r in range(orders.shape[0]):
+            work.wanted[r] = np.random.randint(0, 3)
+        keep_orders(world, tables, orders, work.wanted, lam, mu, scripted, uncertain, ticks, asked, work)
+    set_wanted(tables, asked, priority, work.wanted)
+
+
+@njit
 def _run(
-    world: World, tables: ShieldTables, orders: NDArray[np.int8], work: ShieldWork, shielded: bool, kind: int,
-    scripted: Bools, uncertain: Bools, ticks: int, d_min: float, most: int, steps: int, seed: int, counts: Ints,
-    figures: Floats,
+    world: World, tables: ShieldTables, orders: Orders, work: ShieldWork, shielded: bool, kind: int, channel: int,
+    phase: float, scripted: Bools, uncertain: Bools, ticks: int, d_min: float, most: int, steps: int, seed: int,
+    counts: Ints, figures: Floats,
 ) -> None:  # fmt: skip
     """Fill ``counts`` (steps, episodes, violations, stuck, changed) and ``figures`` (change, makespan, clearance)."""
     np.random.seed(seed)
@@ -85,10 +122,13 @@ def _run(
     places, speeds = np.empty((arms, ticks)), np.empty(ticks)
     kinds = np.empty(arms, np.int64)
     asked, admitted, done = np.empty(arms), np.empty(arms), np.empty(arms)
+    kept, priority = np.empty_like(orders), np.zeros(arms)
     while counts[STEPS] < steps:
         counts[EPISODES] += 1
         lam, mu = np.zeros(arms), np.zeros(arms)
-        first_orders(world, tables, lam, scripted, orders, work)
+        _begin(world, tables, scripted, orders, phase, d_min, lam, work)
+        kept[:], priority[:] = NOBODY_WAITS, 0.0
+        often = 0.05 if np.random.random() < 0.5 else 1.0  # every period
         for i in range(arms):
             kinds[i] = np.random.randint(0, MIXED) if kind == MIXED else kind
             asked[i] = np.random.random()
@@ -105,6 +145,7 @@ def _run(
                 asked[i] = 1.0 if period >= full_from or scripted[i] else _request(kinds[i], asked[i])
             admitted[:] = asked
             if shielded:
+                _want(world, tables, channel, often, scripted, uncertain, ticks, orders, kept, priority, lam, mu, work)
                 admit(world, tables, orders, work.wanted, lam, mu, asked, scripted, uncertain, ticks, admitted, work)
             if np.random.random() < 0.05:
                 stopped = not stopped and period < full_from + most // 2
@@ -147,10 +188,11 @@ def shield_trial(
     steps: int,
     *,
     seed: int = 0,
-    mode: Mode = "speed",
     scripted: Sequence[int] = (),
     uncertain: Sequence[int] = (),
     shielded: bool = True,
+    channel: str = "speed",
+    **options: Unpack[CoordinationKeywords],
 ) -> ShieldTrial:
     """Run so many agent steps, episode after episode, each at some instant turning to full speed until its end.
 
@@ -160,15 +202,18 @@ def shield_trial(
             one of these for every arm and episode.
         steps: Agent steps.
         seed: Of what is drawn.
-        mode: What a command means.
         scripted: Arms at full speed whatever the shield wants, which knows.
         uncertain: Arms that are late, slow, and stop and go; the shield knows only that.
         shielded: Without: the same requests as they are.
+        channel: One of ``CHANNELS``: commands alone; with priorities that change, in every second episode every period;
+            or orders that are asked for as often. They go on after commands have turned to full speed.
+        **options: ``mode``; ``start_phase``, up to which share of their paths the arms may start.
 
     Raises:
         InfeasibleError: The shield finds no passing order.
     """
-    simulation = CoordinationSimulation(cell, CoordinationOptions(physics="ideal", mode=mode))
+    simulation = CoordinationSimulation(cell, ideal_options(CoordinationOptions, options, shield_trial))
+    phase = float(np.max(simulation.options.start_phase))
     world = simulation.world
     shield = Shield(cell, world, scripted=scripted)
     shield.reset(np.zeros(len(cell.arms)))
@@ -177,8 +222,9 @@ def shield_trial(
     counts, figures = np.zeros(5, dtype=np.int64), np.array([0.0, 0.0, np.inf])
     most = int(np.ceil(SEQUENTIAL_TIMES * cell.sequential_makespan / cell.control_period))
     _run(
-        world, shield.tables, shield.orders, shield.work, shielded, REQUESTS.index(requests), marks[0], marks[1],
-        cell.ticks_per_period, cell.d_min, most, steps, seed, counts, figures,
+        world, shield.tables, shield.orders, shield.work, shielded, REQUESTS.index(requests),
+        CHANNELS.index(channel), phase, marks[0], marks[1], cell.ticks_per_period, cell.d_min, most, steps, seed,
+        counts, figures,
     )  # fmt: skip
     agent_steps, episodes, violations, stuck, changed = (int(count) for count in counts)
     return ShieldTrial(

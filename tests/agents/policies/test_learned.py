@@ -29,12 +29,12 @@ def agent_of(**header: Any) -> Agent:
     return Agent(header=AgentHeader(**(values | header)), layers=((weight, np.zeros(1, dtype=np.float32)),))
 
 
-def env_of(seen: int = 2, actions: int = 1, mode: str = "speed") -> Any:
+def env_of(seen: int = 2, actions: int = 1, mode: str = "speed", action: str = "speed") -> Any:
     return SimpleNamespace(
         possible_agents=["a", "b"],
         observation_space=lambda agent: Box(-1.0, 1.0, (seen,)),
         action_space=lambda agent: Box(-1.0, 1.0, (actions,)),
-        options=SimpleNamespace(mode=mode),
+        options=SimpleNamespace(mode=mode, action=action),
     )
 
 
@@ -82,9 +82,10 @@ def test_an_agent_that_fits_is_the_policy_of_its_name(saved: Callable[..., str])
         ({"environment": "feedback-ik"}, env_of(), "is an agent of feedback-ik, not of coordination"),
         ({}, env_of(seen=3), "sees 2 numbers and gives 1; here there are 3 to see and 1 to give"),
         ({}, env_of(actions=2), "here there are 2 to see and 2 to give"),
-        ({"settings": {"mode": "acceleration"}}, env_of(), "was trained in mode acceleration, and this is speed"),
+        ({"settings": {"mode": "acceleration"}}, env_of(), "was trained with mode acceleration, and this is speed"),
+        ({}, env_of(actions=2, action="speed+priority"), "was trained with action speed, and this is speed.priority"),
     ],
-    ids=["kind", "observation", "action", "mode"],
+    ids=["kind", "observation", "action", "mode", "form"],
 )
 def test_an_agent_of_something_else_is_refused(
     saved: Callable[..., str], header: dict[str, Any], env: Any, message: str

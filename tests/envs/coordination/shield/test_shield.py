@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from armtempo.envs import (
+    CHANNELS,
     REQUESTS,
     CoordinationEnv,
     CoordinationOptions,
@@ -19,6 +20,7 @@ from armtempo.envs import (
 )
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, load_cell, schedule
+from armtempo.planners.topp import Mode
 
 FULL = np.ones(1, dtype=np.float32)
 
@@ -36,6 +38,17 @@ def test_trials_neither_violate_nor_stick(mixed: CoordinationCell, requests: str
     assert trial.violations == 0
     assert trial.stuck == 0
     assert trial.clearance > mixed.d_min
+
+
+@pytest.mark.parametrize("channel", CHANNELS[1:])
+@pytest.mark.parametrize("mode", ["speed", "acceleration"])
+def test_whoever_is_to_pass_first_all_arrive(mixed: CoordinationCell, channel: str, mode: Mode) -> None:
+    for cell, uncertain in ((mixed, ()), (load_cell("planar-four"), (0, 2))):
+        trial = shield_trial(
+            cell, "mixed", 8_000, uncertain=uncertain, channel=channel, start_phase=(0.0, 0.4), mode=mode
+        )
+        assert trial.violations == trial.stuck == 0
+        assert trial.changed > 0.0
 
 
 def test_the_same_requests_collide_without(mixed: CoordinationCell) -> None:
