@@ -46,6 +46,7 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         return {
             "cell": cell.name,
             "lower_bound_s": cell.lower_bound,
+            "lower_bound_complete": cell.bound.joint.complete,
             "sequential_s": cell.sequential_makespan,
             "d_min_m": cell.d_min,
             "clearance_reserve_m": cell.config.clearance_reserve_m,
@@ -78,10 +79,11 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
 
     def tables(self, entries: Mapping[str, Mapping[str, Any]]) -> list[Table]:
         cell = self.cell
+        stopped = "" if cell.bound.joint.complete else " (its search was stopped: it may be higher)"
         table = new_table(
             f"Plans for {cell.name}",
-            f"certified lower bound {cell.lower_bound:.4f} s; one after the other {cell.sequential_makespan:.4f} s; "
-            f"d_min {1e3 * cell.d_min:g} mm + {1e3 * cell.config.clearance_reserve_m:g} mm reserve",
+            f"certified lower bound {cell.lower_bound:.4f} s{stopped}; "
+            f"one after the other {cell.sequential_makespan:.4f} s; d_min {1e3 * cell.d_min:g} mm + {1e3 * cell.config.clearance_reserve_m:g} mm reserve",
         )
         table.add_column("method", no_wrap=True)
         for head in HEADS:
