@@ -80,11 +80,9 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
     def tables(self, entries: Mapping[str, Mapping[str, Any]]) -> list[Table]:
         cell = self.cell
         stopped = "" if cell.bound.joint.complete else " (its search was stopped: it may be higher)"
-        table = new_table(
-            f"Plans for {cell.name}",
-            f"certified lower bound {cell.lower_bound:.4f} s{stopped}; "
-            f"one after the other {cell.sequential_makespan:.4f} s; d_min {1e3 * cell.d_min:g} mm + {1e3 * cell.config.clearance_reserve_m:g} mm reserve",
-        )
+        reserve = f"d_min {1e3 * cell.d_min:g} mm + {1e3 * cell.config.clearance_reserve_m:g} mm reserve"
+        bound, sequential = f"certified lower bound {cell.lower_bound:.4f} s{stopped}", cell.sequential_makespan
+        table = new_table(f"Plans for {cell.name}", f"{bound}; one after the other {sequential:.4f} s; {reserve}")
         table.add_column("method", no_wrap=True)
         for head in HEADS:
             table.add_column(head, justify="right")
