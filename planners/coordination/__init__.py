@@ -7,7 +7,7 @@ from armtempo.planners.coordination._chart_refinement import pairs_to_refine
 from armtempo.planners.coordination._guard import BrakingGuard
 from armtempo.planners.coordination._interval_search import ALL_STAGES, IntervalSearch
 from armtempo.planners.coordination._joint_bound import JointBound, joint_bound
-from armtempo.planners.coordination._joint_optimum import GAP, TIME_LIMIT_S, optimal
+from armtempo.planners.coordination._joint_optimum import GAP, optimal
 from armtempo.planners.coordination._joint_refinement import Refinement, refine
 from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
@@ -27,7 +27,6 @@ from armtempo.planners.coordination._vci import VciPlan, VelocityControl, plan_v
 __all__ = [
     "ALL_STAGES",
     "GAP",
-    "TIME_LIMIT_S",
     "BrakingGuard",
     "IntervalSearch",
     "JointBound",

@@ -29,25 +29,24 @@ from armtempo.planners.geometry import number
 from armtempo.planners.topp import LIMIT_EXCESS_MAX
 
 GAP = 0.005  # proven: a plan that is nearer to the bound is not refined jointly
-TIME_LIMIT_S = 10.0
 CLASSES_MAX = 40  # refined
 CRITICAL_LEAST = 1e-2  # [s/s] what the makespan hangs on
 RESERVE_TRIALS = 3
 
 
 def optimal(
-    problem: TimingProblem, *, gap: float = GAP, time_limit_s: float = TIME_LIMIT_S, starts: Sequence[Orders] = ()
+    problem: TimingProblem, *, gap: float = GAP, time_limit_s: float | None = None, starts: Sequence[Orders] = ()
 ) -> tuple[Motions, tuple[int, ...]]:
     """The best plan that is found with all arms free to yield, and its order: of priority, else of arrival.
 
     With two arms a plan is found wherever the outer chart has a monotone path of free cells and both can hold still.
-    The same input gives the same plan, bit by bit, unless the time limit ends the search.
+    Without a time limit the search ends after so many classes: the same input gives the same plan, bit by bit.
 
     Args:
         problem: What to time.
         gap: Stop when the plan is proven to be within this share of the best there can be.
-        time_limit_s: Begin nothing new after so long [s]. Looked at between the steps of the joint refinement; best
-            responses come before it and are not cut short.
+        time_limit_s: Refine no further after so long [s], once there is a plan. Looked at between steps of the joint
+            refinement; bounds and best responses are not cut short.
         starts: Orders (R,) of ``problem.passing_orders`` to refine first.
 
     Raises:
@@ -55,12 +54,12 @@ def optimal(
         InfeasibleError: ``reason`` is ``certified infeasible``, ``undecided`` (only the chart's undecided cells are in
             the way) or ``not holdable`` (an arm that cannot stand still would have to).
     """
-    if not number(gap, "gap") >= 0.0 or not number(time_limit_s, "time_limit_s") > 0.0:
+    limit = math.inf if time_limit_s is None else number(time_limit_s, "time_limit_s")
+    if not number(gap, "gap") >= 0.0 or not limit > 0.0:
         raise InputError(
             f"gap {brief(gap)} and time_limit_s {brief(time_limit_s)}: the one must be >= 0, the other > 0",
             remedy="give a share like 0.005, and seconds",
         )
-    deadline = time.perf_counter() + time_limit_s
     if np.isinf(problem.bound.time):
         raise InfeasibleError(
             "no timing at all keeps the arms apart (certified)",
@@ -72,10 +71,10 @@ def optimal(
     if np.isinf(problem.attainable):
         raise _no_plan(problem)
     best = Best(problem)
-    classes = _Classes(problem, best, (1.0 + gap) * problem.bound.time, deadline)
+    classes = _Classes(problem, best, (1.0 + gap) * problem.bound.time, time.perf_counter() + limit)
     if len(problem.arms) > 2:  # orders are many: they are tried once there is a plan to beat
         classes.refine_first(starts)
-    if not classes.is_done:
+    if not classes.has_enough:
         best_responses(problem, best)
     classes.refine_first(starts)
     classes.refine_beside()
@@ -100,11 +99,15 @@ class _Classes:
         return RelaxedTimes(self.problem.fastest, self.problem.passing_orders.regions)
 
     @property
-    def is_done(self) -> bool:
-        """Whether the best plan is enough, or the time is up; nothing is refined where arms cannot hold still."""
+    def has_enough(self) -> bool:
+        """Whether the best plan needs no refinement; nothing is refined where arms cannot hold still."""
         best = self.best
-        enough = best.motions is not None and (best.is_enough or makespan(best.motions) <= self.enough)
-        return enough or time.perf_counter() > self.deadline
+        return best.motions is not None and (best.is_enough or makespan(best.motions) <= self.enough)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the best plan is enough, or the time is up."""
+        return self.has_enough or time.perf_counter() > self.deadline
 
     def refine_first(self, starts: Sequence[Orders]) -> None:
         """Refine the classes of ``starts``, of the relaxed optimum and of the best plan so far."""

@@ -22,7 +22,6 @@ from armtempo.errors import InfeasibleError, InputError, UnknownNameError, brief
 from armtempo.planners.cells import CoordinationCell, as_cell
 from armtempo.planners.coordination import (
     GAP,
-    TIME_LIMIT_S,
     delayed,
     offset,
     one_by_one,
@@ -56,7 +55,7 @@ def _interval(cell: CoordinationCell, order: tuple[int, ...]) -> Schedule:
 
 
 def _optimal(
-    cell: CoordinationCell, order: tuple[int, ...], *, gap: float = GAP, time_limit_s: float = TIME_LIMIT_S
+    cell: CoordinationCell, order: tuple[int, ...], *, gap: float = GAP, time_limit_s: float | None = None
 ) -> Schedule:
     motions, found = optimal(cell.timing, gap=gap, time_limit_s=time_limit_s)
     return Schedule(method="optimal", cell=cell, trajectories=motions, order=found)
@@ -124,8 +123,8 @@ def schedule(
             is safe, ``optimal`` does without it.
         period: Step of ``vci`` [s] (default: the cell's control period).
         gap: ``optimal`` stops when its plan is proven to be within this share of the best (default: 0.005).
-        time_limit_s: ``optimal`` begins no further refinement after so long [s] (default: 10). Unless it ends the
-            search, the same cell gives the same plan, bit by bit.
+        time_limit_s: ``optimal`` refines no further after so long [s], once there is a plan (default: it goes on until
+            nothing better is in sight, and the same cell gives the same plan, bit by bit).
 
     Raises:
         UnknownNameError: No such method.
