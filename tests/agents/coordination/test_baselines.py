@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import COORDINATION_POLICIES, Actions, Observations, Policy, make_policy, run_episode, to_action
+from armtempo.agents.coordination._order_policies import ORDER_POLICIES
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics
 from armtempo.errors import UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, benchmark_instances, build_cell, schedule
@@ -171,7 +172,8 @@ def test_random_is_seeded(lee1991: CoordinationCell) -> None:
 
 @pytest.mark.parametrize("name", COORDINATION_POLICIES)
 def test_a_policy_forgets_the_last_episode(lee1991: CoordinationCell, name: str) -> None:
-    env = CoordinationEnv(lee1991, physics="ideal", master_late_s=0.05, record=True)
+    shield = name in ORDER_POLICIES  # whom would they ask?
+    env = CoordinationEnv(lee1991, physics="ideal", master_late_s=0.05, record=True, shield=shield)
     policy = make_policy(name, lee1991)
     first, reward = run_episode(env, policy, 3)
     observations, _ = env.reset()
@@ -185,7 +187,7 @@ def test_a_policy_forgets_the_last_episode(lee1991: CoordinationCell, name: str)
 
 @pytest.mark.parametrize("name", COORDINATION_POLICIES)
 def test_actions_are_in_the_action_space(lee1991: CoordinationCell, name: str) -> None:
-    env = CoordinationEnv(lee1991, physics="ideal")
+    env = CoordinationEnv(lee1991, physics="ideal", shield=name in ORDER_POLICIES)
     policy = make_policy(name, lee1991)
     observations, _ = env.reset(seed=0)
     policy.reset(0)
