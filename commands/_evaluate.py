@@ -42,7 +42,8 @@ class Evaluate:
     """A bundled cell's name (see "armtempo cells"), or your own YAML file."""
     policies: AllNames = ()
     """Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, offset, interval,
-    optimal, random; in blend cells line-speed, limit-aware, limit-aware-smooth, constant, random; in ik cells feedback,
+    optimal, random; under the shield search, search+stop, longest-path, reorder; in blend cells line-speed, limit-aware,
+    limit-aware-smooth, constant, random; in ik cells feedback,
     feedback-ff, feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:NAME (one that comes with
     armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it."""
     episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 1
@@ -75,10 +76,8 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     chosen = tuple(dict.fromkeys(given.policies)) or None
     with kept_results("evaluate", _arguments(given, cell, options)) as kept:
         output.taken_over(kept)
-        with output.progress("Simulating", len(chosen or kind.usual_policies(options)) * given.episodes) as (
-            progress,
-            task,
-        ):
+        total = len(chosen or kind.usual_policies(options)) * given.episodes
+        with output.progress("Simulating", total) as (progress, task):
 
             def on_episode(policy: str, episode: int) -> None:
                 progress.update(task, description=f"Simulating {policy}, episode {episode + 1}", advance=1)
