@@ -121,7 +121,7 @@ def acceleration_bounds(steps: Floats, lam: float, x: float) -> tuple[float, flo
 def _goal_share(command: float, by_speed: bool, share: float) -> float:
     """Which part of the edge's ``x`` a motion heads for, at most."""
     part = command * share if by_speed else share
-    return max(part * part, SMALLEST_GOAL)
+    return max(part * part, SMALLEST_GOAL) if part > 0.0 else 0.0
 
 
 @inlined

@@ -154,18 +154,17 @@ def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Coo
 
 
 def test_on_the_way_nothing_is_held_against_whole_paths(lee1991: CoordinationCell) -> None:
-    whole = ("saving_percent", "gap_percent", "plan_gap_percent")
     asked: dict[str, Any] = {"physics": "ideal", "shield": True, "disturbance": "late", "seed": 50000}
     for start in (0.0, (0.0, 0.0), 0.2, (0.0, 0.3)):
         found = evaluate(lee1991, ["phase-plane", "delay"], episodes=2, start_phase=start, **asked).to_dict()
         known = start in (0.0, (0.0, 0.0))
         for name in ("sequential_s", "lower_bound_s", "clairvoyant_s"):
             assert (found[name] is not None) == known
-        for numbers in found["policies"].values():
-            assert numbers["finished"] == 2
-            assert numbers["makespan_s"] > 0.0
-        for name in (*whole, "regret_percent"):
-            assert (found["policies"]["delay"][name] is not None) == known
+        full_speed, plan = found["policies"]["phase-plane"], found["policies"]["delay"]
+        assert full_speed["finished"] == 2  # the plan, of whole paths, may wait for ever
+        for name in ("saving_percent", "gap_percent", "regret_percent"):
+            assert (full_speed[name] is not None) == known
+        assert (plan["plan_gap_percent"] is not None) == known
 
 
 def test_options_are_a_record_or_keywords_or_both(lee1991: CoordinationCell) -> None:

@@ -36,7 +36,7 @@ PRIORITY: dict[str, Any] = {
 CASES: list[dict[str, Any]] = [
     {},
     {"mode": "acceleration", "master_late_s": 0.11},
-    {"mode": "acceleration", "disturbance": "slow"},
+    {"mode": "acceleration", "disturbance": "slow", "shield": True},
     {"disturbance": "stop-and-go", "master_late_s": 0.05},
     MANY,
     {
