@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
@@ -113,9 +113,39 @@ def describe_coordination(cell: CoordinationCell) -> dict[str, Any]:
         "sequential_s": cell.sequential_makespan,
         "lower_bound_s": cell.lower_bound,
         "priority_class": cell.priority_class if len(cell.arms) > 1 else None,
+        "start_delays": _start_delays(cell) if len(cell.arms) > 1 else None,
         "collision_regions": sum(chart.regions for chart in charts) if charts else None,
         "arms": arms,
     }
+
+
+def _start_delays(cell: CoordinationCell) -> dict[str, Any]:
+    """Start delays in the best order of the arms, and in that of the file."""
+    from armtempo.errors import InfeasibleError  # late, as the others: --help is to be quick
+    from armtempo.planners import schedule
+
+    out: dict[str, Any] = {}
+    orders: tuple[Literal["best", "file"], ...] = ("best", "file")
+    for which in orders:
+        try:
+            plan = schedule(cell, "delay", order=which)
+        except InfeasibleError:
+            out[which] = None
+            continue
+        out[which] = {"order": [cell.arms[i].name for i in plan.order], "makespan_s": plan.makespan}
+    return out
+
+
+def _best_order(facts: dict[str, Any]) -> str:
+    """Which order of the arms start delays are best in, and what that gains."""
+    best, own = facts["start_delays"]["best"], facts["start_delays"]["file"]
+    if best is None:
+        return "In no order of the arms do start delays alone keep them apart."
+    line = f"Start delays are best with {' before '.join(shown(arm) for arm in best['order'])}"
+    line += f": {number(best['makespan_s'], 4)} s"
+    if own is None:
+        return f"{line}; in the order of the file there is no such plan."
+    return line + (f", {number(own['makespan_s'], 4)} s as in the file." if own != best else ", as in the file.")
 
 
 def _show_coordination(cell: CoordinationCell, output: Output) -> None:
@@ -161,6 +191,7 @@ def _show_coordination(cell: CoordinationCell, output: Output) -> None:
         line += "" if possible else " without regard to each other; [red]no timing at all keeps d_min (certified)[/]"
         output.say(f"{line}.")
         output.say(CLASSES[facts["priority_class"]])
+        output.say(_best_order(facts))
     still = [entry["name"] for entry in facts["arms"] if not entry["holdable"]]
     if still:
         output.say(f"Cannot hold still everywhere on the path: {', '.join(still)}.")

@@ -22,6 +22,7 @@ def plan(
     control_period: Annotated[
         float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: the cell's)")
     ] = None,
+    orders: Literal["best", "file", "all"] = "best",
     export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: none)")] = None,
     period: Annotated[
         float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: 0.001, or the tick)")
@@ -37,6 +38,8 @@ def plan(
             offset, interval, optimal; of a blend cell its profiles line-speed, limit-aware, limit-aware-smooth;
             of an ik cell runs of its law and others: law, feedback, feedback-ff, newton.
         control_period: Step of vci in seconds: the time for which one of its commands holds.
+        orders: Of several arms, the first of which never yields: the best order of each method, that of the file, or
+            all of them, each with a plan of its own.
         export: Write the motion of every arm by every method to this folder, as METHOD-ARM.csv: time_s, q_rad,
             qd_rad_s, qdd_rad_s2 and torque_nm of every joint.
         period: Time between the rows of exported motions in seconds; the last row is exactly at the end. Without it
@@ -52,7 +55,7 @@ def plan(
     built = open_cell(cell, output)
     from armtempo.commands.plans import PLANS  # late: it imports the planners, and --help is to be quick
 
-    plans = PLANS[built.config.kind](built, methods, output, control_period=control_period)
+    plans = PLANS[built.config.kind](built, methods, output, control_period=control_period, orders=orders)
     with output.progress("Certifying"):
         entries = plans.entries()
     for table in plans.tables(entries):

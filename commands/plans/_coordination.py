@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, permutations
+from typing import TYPE_CHECKING, Any, Literal
 
-from armtempo.commands.console import new_table, number
+from armtempo.commands.console import new_table, number, shown
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
+from armtempo.planners.schedules import SHAPED, SHIFTED
 from armtempo.planners.topp import JointTrajectory
 
 if TYPE_CHECKING:
@@ -38,8 +39,20 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         cell = self.cell
         _ = cell.fastest, [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]
 
+    def named(self, methods: Sequence[str]) -> Sequence[str]:
+        arms, asked = self.cell.arms, self.orders
+        self._asked: dict[str, tuple[str, Sequence[int] | Literal["best", "file"]]] = {}
+        for method in methods:
+            if asked != "all" or len(arms) < 2 or method not in (*SHIFTED, *SHAPED):
+                self._asked[method] = method, "file" if asked == "file" else "best"
+                continue
+            for order in permutations(range(len(arms))):
+                self._asked[f"{method} {','.join(arms[i].name for i in order)}"] = method, order
+        return list(self._asked)
+
     def plan(self, method: str) -> Schedule:
-        return schedule(self.cell, method, period=self.control_period if method == "vci" else None)
+        name, order = self._asked[method]
+        return schedule(self.cell, name, order=order, period=self.control_period if name == "vci" else None)
 
     def facts(self) -> dict[str, Any]:
         cell = self.cell
@@ -86,6 +99,9 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         table.add_column("method", no_wrap=True)
         for head in HEADS:
             table.add_column(head, justify="right")
+        told = len(cell.arms) > 1 and self.orders != "all"  # else the names of the plans tell
+        if told:
+            table.add_column("priority")
         best = min(entry["makespan_s"] for entry in entries.values())
         for name, entry in entries.items():
             table.add_row(
@@ -98,6 +114,7 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
                 number(entry["speed_ratio_max"], 3),
                 "–" if len(cell.arms) == 1 else "yes" if entry["certified_free"] else "[red]no[/]",
                 number(entry["planning_time_s"], 3),
+                *([", ".join(shown(arm) for arm in entry["order"])] if told else []),
                 style="bold" if entry["makespan_s"] < best + 1e-4 else None,
             )
         return [table]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
 
 from armtempo.commands.console import Output
 from armtempo.errors import InfeasibleError, InputError, PathError, UnknownNameError
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 CellT = TypeVar("CellT", bound=CellBase[Any])
 PlanT = TypeVar("PlanT")
+Orders = Literal["best", "file", "all"]
 
 
 class CellPlans(ABC, Generic[CellT, PlanT]):
@@ -28,6 +29,7 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         methods: Names out of ``METHODS``; none: all.
         output: For progress bars.
         control_period: Step of velocity control [s], in the kinds that have it; None: the cell's.
+        orders: Of the arms, in the kinds of several: the best, that of the file, or all, each a plan of its own.
 
     Attributes:
         plans: By method.
@@ -47,9 +49,15 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
     """Whether a method of velocity control is among them."""
 
     def __init__(
-        self, cell: CellT, methods: Sequence[str], output: Output, *, control_period: float | None = None
+        self,
+        cell: CellT,
+        methods: Sequence[str],
+        output: Output,
+        *,
+        control_period: float | None = None,
+        orders: Orders = "best",
     ) -> None:
-        self.cell, self.control_period = cell, control_period
+        self.cell, self.control_period, self.orders = cell, control_period, orders
         if control_period is not None and not self.HAS_CONTROL_PERIOD:
             raise InputError(
                 f"--control-period is for cells of several arms, and {cell.name} is of kind {cell.config.kind}",
@@ -61,7 +69,7 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         self.plans: dict[str, PlanT] = {}
         self.refusals: dict[str, str] = {}
         self.seconds: dict[str, float] = {}
-        self._plan(tuple(dict.fromkeys(methods)) or self.METHODS, output)
+        self._plan(self.named(tuple(dict.fromkeys(methods)) or self.METHODS), output)
 
     def _plan(self, methods: Sequence[str], output: Output) -> None:
         with output.progress("Planning", len(methods)) as (progress, task):
@@ -77,12 +85,16 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
                         raise
                 self.seconds[method] = time.perf_counter() - began
 
+    def named(self, methods: Sequence[str]) -> Sequence[str]:
+        """Names of the plans by these methods."""
+        return methods
+
     def prepare(self) -> None:
         """Work out what all methods need, so that none of them is charged for it."""
 
     @abstractmethod
     def plan(self, method: str) -> PlanT:
-        """One plan.
+        """One plan, by its name (see ``named``).
 
         Raises:
             InfeasibleError: There is none; or PathError.

@@ -232,6 +232,6 @@ def others_of(cell: CoordinationCell, others: str | None, mode: Mode, count: int
     if name == "phase-plane":
         return []
     if name in METHODS:
-        plan = schedule(cell, name)
+        plan = schedule(cell, name, order="file")
         return [execution_of(plan, mode) for _ in range(count)]
     raise UnknownNameError("baseline for the other arms", name, ("phase-plane", *METHODS))

@@ -6,7 +6,7 @@ from armtempo.planners.schedules._audit import ENGINES, Audit, Engine, audit_cle
 from armtempo.planners.schedules._certificate import ScheduleCertificate
 from armtempo.planners.schedules._clairvoyant import clairvoyant
 from armtempo.planners.schedules._execution import Execution, PrecedenceExecution, ScheduleExecution
-from armtempo.planners.schedules._methods import METHODS, schedule
+from armtempo.planners.schedules._methods import METHODS, SHAPED, SHIFTED, schedule
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.schedules._vci_execution import VciExecution, execution_of
 
@@ -16,6 +16,8 @@ __all__ = [
     "Engine",
     "Execution",
     "METHODS",
+    "SHAPED",
+    "SHIFTED",
     "PrecedenceExecution",
     "Schedule",
     "ScheduleCertificate",

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError, brief
 from armtempo.planners.cells import CoordinationCell, as_cell
@@ -29,10 +30,15 @@ from armtempo.planners.coordination import (
     plan_vci,
     prioritised,
 )
+from armtempo.planners.schedules._orders import arm_orders, best_of, promising_orders
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.schedules._trapezoidal import trapezoidal
 from armtempo.planners.topp import LIMIT_EXCESS_MAX
 
+SHIFTED = ("constant-speed", "constant-acceleration", "delay", "offset")
+"""Methods that shift motions in time: in the best order of the arms, if none is asked for."""
+SHAPED = ("vci", "interval")
+"""Methods that shape motions by priority: in the order of the cell, if none is asked for."""
 RAMPS = {"constant-speed": 0.25, "constant-acceleration": 0.5}  # shares of the path at either end
 
 
@@ -109,7 +115,7 @@ def schedule(
     cell: CoordinationCell | str | Path,
     method: str,
     *,
-    order: Sequence[int] | None = None,
+    order: Sequence[int] | Literal["best", "file"] | None = None,
     period: float | None = None,
     gap: float | None = None,
     time_limit_s: float | None = None,
@@ -119,8 +125,10 @@ def schedule(
     Args:
         cell: Arms on their paths, the first with priority; or a bundled name or file to build it from.
         method: One of ``METHODS``.
-        order: Arms by priority, the first never yields (default: as in the cell); ``sequential`` keeps to it where that
-            is safe, ``optimal`` does without it.
+        order: Arms by priority, the first never yields; ``sequential`` keeps to it where that is safe, ``optimal`` does
+            without it. ``best``: the one with the shortest plan, of all orders of five arms or fewer (``vci`` and
+            ``interval``: of the six that are best for start delays, and the cell's). ``file``: as in the cell. Default:
+            ``best`` for the methods that only shift motions in time, else ``file``.
         period: Step of ``vci`` [s] (default: the cell's control period).
         gap: ``optimal`` stops when its plan is proven to be within this share of the best (default: 0.005).
         time_limit_s: ``optimal`` refines no further after so long [s], once there is a plan (default: it goes on until
@@ -143,16 +151,32 @@ def schedule(
     if limits and method != "optimal":
         raise InputError(f"method {brief(method)} has no {' and no '.join(limits)}: only 'optimal' has")
     arms = tuple(range(len(cell.arms)))
-    chosen = arms if order is None else tuple(order) if isinstance(order, Collection) else ()
-    if len(chosen) != len(arms) or any(arm not in chosen for arm in arms):
-        raise InputError(f"order {brief(order)} must name each of the {len(arms)} arms once, by its index")
+    chosen = _checked_order(order, method, arms)
     if len(arms) == 1:
         if method in RAMPS:
             return _ramped(cell, (0,), method)
         return Schedule(method=method, cell=cell, trajectories=cell.fastest, order=(0,))
     cell.check_ends()
-    if method == "vci":
-        return _vci(cell, chosen, period)
     if method == "optimal":
-        return _optimal(cell, chosen, **limits)
-    return _PLANNERS[method](cell, chosen)
+        return _optimal(cell, arms, **limits)
+    plan = partial(_vci, cell, period=period) if method == "vci" else partial(_PLANNERS[method], cell)
+    if chosen is None:
+        return best_of(plan, arm_orders(cell) if method in SHIFTED else promising_orders(cell))
+    return plan(chosen)
+
+
+def _checked_order(
+    order: Sequence[int] | Literal["best", "file"] | None, method: str, arms: tuple[int, ...]
+) -> tuple[int, ...] | None:
+    """The order that is asked for; None: the best one."""
+    if order == "file" or (order is None and method not in SHIFTED):
+        return arms
+    if order is None or order == "best":
+        return None if method in (*SHIFTED, *SHAPED) else arms
+    chosen = tuple(order) if isinstance(order, Collection) else ()
+    if len(chosen) != len(arms) or any(arm not in chosen for arm in arms):
+        raise InputError(
+            f"order {brief(order)} must name each of the {len(arms)} arms once, by its index",
+            remedy="or give best or file",
+        )
+    return chosen

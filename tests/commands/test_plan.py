@@ -46,6 +46,20 @@ def test_plan_takes_methods_and_a_control_period(capsys: pytest.CaptureFixture[s
     assert data["methods"]["vci"]["makespan_s"] == pytest.approx(0.342, abs=0.003)
 
 
+def test_every_order_of_the_arms_or_the_best_or_that_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {}
+    for orders in ("all", "best", "file"):
+        line = ["plan", "planar-four", "--methods", "delay", "sequential", "--orders", orders, "--json", "-"]
+        assert main(line) == 0
+        found[orders] = json.loads(capsys.readouterr().out)["methods"]
+    assert len(found["all"]) == 1 + 24
+    times = {name: entry.get("makespan_s", float("inf")) for name, entry in found["all"].items()}
+    best, own = found["best"]["delay"], found["file"]["delay"]
+    assert best["makespan_s"] == pytest.approx(min(times.values()), rel=2e-6)
+    assert times[f"delay {','.join(best['order'])}"] == best["makespan_s"]
+    assert own.get("makespan_s", float("inf")) == next(iter(times.values()))
+
+
 @pytest.mark.parametrize("form", ["csv", "json"])
 def test_plan_exports_the_motion_of_every_arm(form: str, capsys: pytest.CaptureFixture[str]) -> None:
     from armtempo.planners import read_trajectory

@@ -28,7 +28,7 @@ def run(cell: CoordinationCell, output: Output) -> Run:
     by_period: dict[float, Schedule] = {}
     with output.progress("Planning", len(METHODS) + len(PERIODS_MS)) as (progress, task):
         for method in METHODS:
-            plans[method] = schedule(cell, method)
+            plans[method] = schedule(cell, method, order="file")
             progress.advance(task)
         for period in PERIODS_MS:
             by_period[period] = schedule(cell, "vci", period=1e-3 * period)
