@@ -309,6 +309,8 @@ def load_triangles(file: Path, *, element: str) -> tuple[Floats, Ints]:
         mesh = trimesh.load_mesh(str(file), process=False)
         if not len(mesh.faces):
             raise ValueError("it has no triangles")
+        if mesh.vertices.shape[1:] != (3,) or mesh.faces.shape[1:] != (3,):  # as an OBJ with a line cut short
+            raise ValueError("its points are not all of three numbers, or its faces of three points")
         vertices, faces = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
         if not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
             raise ValueError("points of its triangles are missing or not finite")

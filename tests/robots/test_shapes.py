@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.errors import RobotError, UnknownNameError
 from armtempo.robots import static_shape
-from armtempo.robots._shapes import _spindle, make_shape, pack
+from armtempo.robots._shapes import _spindle, load_mesh, make_shape, pack
 
 size = st.floats(0.01, 1.0)
 
@@ -188,3 +189,10 @@ def test_poses_are_finite_and_sane(value: float) -> None:
     for other in ("here", [[1, 2], [3]], np.eye(4)[:, :, None]):
         with pytest.raises(RobotError, match="pose of 'pin' is not a rigid transform"):
             static_shape("sphere", [0.1], T_world=other, name="pin")
+
+
+def test_a_mesh_whose_points_have_two_numbers_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "cut.obj"
+    file.write_text("v 0 1\nv 1 0\nv 1 1\nv 0 0\nf 1 2 3\nf 1 3 4\n", encoding="utf-8")
+    with pytest.raises(RobotError, match=r"link 'one': cannot read the mesh .*cut\.obj"):
+        load_mesh(file, element="link 'one'")
