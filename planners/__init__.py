@@ -9,7 +9,7 @@ from __future__ import annotations
 from armtempo.planners.blends import BlendedPath, PredictorCorrector, blend, least_time_blend
 from armtempo.planners.cells import BlendCell, Cell, CoordinationCell, IKCell, build_cell, load_cell
 from armtempo.planners.charts import CoordinationChart
-from armtempo.planners.coordination import Precedence, VelocityControl, makespan_bound
+from armtempo.planners.coordination import Precedence, VelocityControl
 from armtempo.planners.geometry import Arc, CartesianPath, Line, PoseTarget
 from armtempo.planners.ik import ClosedFormIK, FeedbackIK, IKGains, NewtonIK, ResolvedRateIK
 from armtempo.planners.instances import benchmark_instances, generate_cell
@@ -67,7 +67,6 @@ __all__ = [
     "least_time_blend",
     "limit_aware_profile",
     "load_cell",
-    "makespan_bound",
     "minimum_time",
     "read_trajectory",
     "schedule",

@@ -55,13 +55,14 @@ class OrderPolicy:
     def __init__(self, name: str, cell: CoordinationCell) -> None:
         self._name, self._candidates, self._expects = name, _CANDIDATES[name], name == "search+stop"
         self._rest_expected = EXPECTED_REST_SHARE * float(np.mean([motion.duration for motion in cell.fastest]))
+        self._arms = len(cell.arms)
         self._search: OrderSearch | None = None
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
         """Forget the episode."""
         self._before: tuple[Floats, Floats, float] | None = None
-        self._stood, self._since = np.zeros(0, dtype=np.bool_), np.zeros(0)
+        self._stood, self._since = np.zeros(self._arms, dtype=np.bool_), np.zeros(self._arms)
         self._rests: list[float] = []
         self._periods = 0
 
@@ -90,7 +91,6 @@ class OrderPolicy:
         """(A,) arms that do as if they had been told to brake."""
         out = np.zeros(len(lam), dtype=np.bool_)
         if self._before is None:
-            self._since = np.zeros(len(lam))
             return out
         last_lam, last_mu, clock = self._before
         admitted = 1.0 - shield.change
@@ -107,8 +107,6 @@ class OrderPolicy:
 
     def _note(self, stands: Bools, now: float) -> None:
         """Who stands since when, and how long those stood who go again."""
-        if not len(self._stood):
-            self._stood = np.zeros_like(stands)
         self._rests += list(now - self._since[self._stood & ~stands])
         self._since[stands & ~self._stood] = now
         self._stood = stands

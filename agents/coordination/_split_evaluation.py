@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import permutations
 from typing import Any, Self
 
 import numpy as np
@@ -18,7 +17,7 @@ from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, Schedule, execution_of, schedule
+from armtempo.planners import CoordinationCell, execution_of, schedule
 
 FULL_SPEED, OPTIMAL = "full-speed", "optimal"
 SPLIT_POLICIES = (*ONLINE, OPTIMAL, FULL_SPEED)
@@ -209,21 +208,11 @@ def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | 
         return PhasePlanePolicy()
     if name in ORDER_POLICIES:
         return OrderPolicy(name, env.cell)
-    plan = _best_plan(env.cell, name)
-    return None if plan is None else ExecutionPolicy(partial(execution_of, plan))
-
-
-def _best_plan(cell: CoordinationCell, method: str) -> Schedule | None:
-    """The shortest plan of a method over the orders of two arms; of more, or of ``optimal``, in their own order."""
-    arms = range(len(cell.arms))
-    orders = list(permutations(arms)) if len(arms) == 2 and method != OPTIMAL else [tuple(arms)]
-    plans = []
-    for order in orders:
-        try:
-            plans.append(schedule(cell, method, order=order))
-        except InfeasibleError:
-            continue
-    return min(plans, key=lambda plan: plan.makespan, default=None)
+    try:
+        plan = schedule(env.cell, name, order="best")
+    except InfeasibleError:
+        return None
+    return ExecutionPolicy(partial(execution_of, plan))
 
 
 def _known(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:

@@ -59,7 +59,7 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         return {
             "cell": cell.name,
             "lower_bound_s": cell.lower_bound,
-            "lower_bound_complete": cell.bound.joint.complete,
+            "lower_bound_complete": cell.timing.joint.complete,
             "sequential_s": cell.sequential_makespan,
             "d_min_m": cell.d_min,
             "clearance_reserve_m": cell.config.clearance_reserve_m,
@@ -92,7 +92,7 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
 
     def tables(self, entries: Mapping[str, Mapping[str, Any]]) -> list[Table]:
         cell = self.cell
-        stopped = "" if cell.bound.joint.complete else " (its search was stopped: it may be higher)"
+        stopped = "" if cell.timing.joint.complete else " (its search was stopped: it may be higher)"
         reserve = f"d_min {1e3 * cell.d_min:g} mm + {1e3 * cell.config.clearance_reserve_m:g} mm reserve"
         bound, sequential = f"certified lower bound {cell.lower_bound:.4f} s{stopped}", cell.sequential_makespan
         table = new_table(f"Plans for {cell.name}", f"{bound}; one after the other {sequential:.4f} s; {reserve}")

@@ -243,7 +243,8 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
             i = self.possible_agents.index(agent)
             commands[i], priority[i] = read_command(actions[agent], self.options.action_size, agent)
         if self.shield is not None:
-            self.shield.prefer(priority)
+            if self.options.action_size > 1:
+                self.shield.prefer(priority)
             commands = self.shield.commands(commands)
         self._episode.step(commands)
         rows = self.simulation.observe()

@@ -125,16 +125,12 @@ class YieldingBatch(Batch):
         """Run one control period of these (E,)."""
         commands, simulation = self._commands, self.simulation
         commands[:, self._own] = as_commands(actions[:, 0])
-        priority = None
-        if actions.shape[1] > 1:
-            priority = np.full(commands.shape, np.nan)
-            priority[:, self._own] = actions[:, 1]
         for e, execution in enumerate(self._others):
             if active[e]:
                 own = commands[e, self._own]
                 commands[e] = execution.commands(simulation.lam[e].copy(), simulation.mu[e].copy())
                 commands[e, self._own] = own
-        simulation.step(commands, active, priority)
+        simulation.step(commands, active)
 
     def figures(self, over: Bools) -> dict[str, Any]:
         """How the episodes ended, and what the shield did in them."""

@@ -194,14 +194,13 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         }
 
     def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
-        command, priority = read_command(action, self.options.action_size, self.cell.arms[self._own].name)
+        command, _ = read_command(action, self.options.action_size, self.cell.arms[self._own].name)
         if self._others is None:
             commands = self._full_speed.copy()
         else:
             commands = self._others.commands(self.simulation.lam, self.simulation.mu)
         commands[self._own] = command
         if self.shield is not None:
-            self.shield.prefer(np.where(np.arange(len(commands)) == self._own, priority, np.nan))
             commands = self.shield.commands(commands)
         self._episode.step(commands)
         reward, terminated, truncated, info = self._episode.outcome(self._own)

@@ -224,7 +224,7 @@ class CoordinationCell(CellBase[CellConfig]):
     @property
     def lower_bound(self) -> float:
         """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite."""
-        return self.bound.time
+        return self.timing.lower_bound
 
     @property
     def priority_class(self) -> PriorityClass:

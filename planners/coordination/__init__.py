@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from armtempo.planners.coordination._arm_orders import arm_orders
 from armtempo.planners.coordination._best_responses import prioritised, respond
 from armtempo.planners.coordination._chart_refinement import pairs_to_refine
 from armtempo.planners.coordination._guard import BrakingGuard
@@ -13,7 +14,6 @@ from armtempo.planners.coordination._makespan_bound import (
     MakespanBound,
     PairBound,
     PriorityClass,
-    makespan_bound,
     pair_bound,
 )
 from armtempo.planners.coordination._order_search import OrderSearch
@@ -43,10 +43,10 @@ __all__ = [
     "TimingProblem",
     "VciPlan",
     "VelocityControl",
+    "arm_orders",
     "delayed",
     "joint_bound",
     "makespan",
-    "makespan_bound",
     "offset",
     "one_by_one",
     "optimal",

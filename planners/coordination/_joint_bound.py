@@ -46,7 +46,6 @@ from typing import NamedTuple, final
 import numpy as np
 
 from armtempo.arrays import Bools, Floats, Ints
-from armtempo.planners.charts import CollisionRegion
 from armtempo.planners.coordination._joint_bound_kernels import (
     LEAF,
     UNDECIDED_SIDE,
@@ -56,6 +55,7 @@ from armtempo.planners.coordination._joint_bound_kernels import (
     expand,
     push,
 )
+from armtempo.planners.coordination._passing_corners import can_be, staircase
 from armtempo.planners.coordination._passing_orders import Orders, PassingRegion
 from armtempo.planners.topp import PhaseTrajectory
 
@@ -106,22 +106,13 @@ class _Demands(NamedTuple):
     enter: Floats  # (K,) shares of the second arm's path
 
 
-def _corners(region: CollisionRegion, first_is_a: bool) -> tuple[Ints, Ints]:
-    """Cells behind which the first arm must be, and those that the second arm enters then: where the former rises."""
-    cells = region.cells if first_is_a else region.cells.T
-    begin, enter = (region.begin_a, region.begin_b) if first_is_a else (region.begin_b, region.begin_a)
-    last = np.maximum.accumulate(len(cells) - np.argmax(cells[::-1], axis=0))
-    rises = np.flatnonzero(np.diff(last, prepend=0))
-    return begin + last[rises], enter + rises
-
-
 def _demands(regions: Sequence[PassingRegion]) -> tuple[list[_Demands], Bools]:
     """What each side of each region asks for, and (R, 2) whether it can be passed on that side at all."""
     demands, possible = [], np.ones((len(regions), 2), dtype=np.bool_)
     for r, (a, b, region) in enumerate(regions):
         for side, (first, second) in enumerate(((a, b), (b, a))):
-            left, enter = _corners(region, side == 0)
-            possible[r, side] = left[-1] < region.resolution and enter[0] > 0
+            left, enter = staircase(region, side)
+            possible[r, side] = can_be(region, left, enter)
             if possible[r, side]:
                 demands.append(_Demands(r, side, first, second, left / region.resolution, enter / region.resolution))
     return demands, possible

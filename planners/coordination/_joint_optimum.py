@@ -60,7 +60,7 @@ def optimal(
             f"gap {brief(gap)} and time_limit_s {brief(time_limit_s)}: the one must be >= 0, the other > 0",
             remedy="give a share like 0.005, and seconds",
         )
-    if np.isinf(problem.bound.time):
+    if np.isinf(problem.lower_bound):
         raise InfeasibleError(
             "no timing at all keeps the arms apart (certified)",
             remedy="lower d_min_m, or move a path or a base",
@@ -71,7 +71,7 @@ def optimal(
     if np.isinf(problem.attainable):
         raise _no_plan(problem)
     best = Best(problem)
-    classes = _Classes(problem, best, (1.0 + gap) * problem.bound.time, time.perf_counter() + limit)
+    classes = _Classes(problem, best, (1.0 + gap) * problem.lower_bound, time.perf_counter() + limit)
     if len(problem.arms) > 2:  # orders are many: they are tried once there is a plan to beat
         classes.refine_first(starts)
     if not classes.has_enough:

@@ -172,20 +172,20 @@ def _closed_behind_a(shut: Bools) -> Bools:
 
 
 def _warp(
-    fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: CoordinationChart, *, free_only: bool, every: bool
+    fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: CoordinationChart, *, outer: bool
 ) -> tuple[Bools, float]:
     """The chart in minimum times: which cells are shut, and their side [s].
 
-    Shut where ``every`` chart cell beneath (else: any) is blocked, or, ``free_only``, not certified free.
+    Shut where every chart cell beneath is blocked, or, ``outer``, where any is not certified free.
     """
     h = max(fastest_a.duration, fastest_b.duration) / CELLS_OF_SLOWER_ARM
     # A coarser cell counts as blocked where all of its cells are: still a bound, and it stays in the cache.
-    occupied, share = (chart.states != FREE) if free_only else (chart.states == BLOCKED), 1
+    occupied, share = (chart.states != FREE) if outer else (chart.states == BLOCKED), 1
     while len(occupied) > MOST_CHART_CELLS and len(occupied) % 2 == 0:
         halves = (occupied[0::2], occupied[1::2])
-        occupied = halves[0] & halves[1] if every else halves[0] | halves[1]
+        occupied = halves[0] | halves[1] if outer else halves[0] & halves[1]
         halves = (occupied[:, 0::2], occupied[:, 1::2])
-        occupied = halves[0] & halves[1] if every else halves[0] | halves[1]
+        occupied = halves[0] | halves[1] if outer else halves[0] & halves[1]
         share *= 2
     resolution = len(occupied)
     before = np.zeros((resolution + 1,) * 2, dtype=np.int32)
@@ -199,7 +199,7 @@ def _warp(
         high = np.ceil(lam[1:] / step + 1e-9)
         touched += [np.clip(low, 0, resolution - 1), np.clip(high, 1, resolution)]
     shut = np.empty((len(touched[0]), len(touched[2])), dtype=np.bool_)
-    _shut_cells(before, touched[0], touched[1], touched[2], touched[3], every, shut)
+    _shut_cells(before, touched[0], touched[1], touched[2], touched[3], not outer, shut)
     return shut, h
 
 
@@ -219,7 +219,7 @@ def pair_bound(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: Co
         chart: Built at ``d_min`` without reserve; only its blocked cells count.
     """
     longest = max(fastest_a.duration, fastest_b.duration)
-    shut, h = _warp(fastest_a, fastest_b, chart, free_only=False, every=True)
+    shut, h = _warp(fastest_a, fastest_b, chart, outer=False)
     if not shut.any():  # most pairs of many arms never meet
         rows = np.arange(max(shut.shape))[:, None]
         path = h * np.maximum(rows - (len(rows) - np.array(shut.shape)), 0)
@@ -241,23 +241,7 @@ def guide_path(fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: Co
 
     The plan of two arms without momentum: not one to execute, one to start from.
     """
-    shut, h = _warp(fastest_a, fastest_b, chart, free_only=True, every=False)
+    shut, h = _warp(fastest_a, fastest_b, chart, outer=True)
     cells = np.empty(shut.shape, dtype=np.int32)
     count = _fewest_cells(shut, cells)
     return _path(cells, count, h) if count else None
-
-
-def makespan_bound(
-    fastest_a: PhaseTrajectory, fastest_b: PhaseTrajectory, chart: CoordinationChart, *, free_only: bool = False
-) -> float:
-    """The certified lower bound [s] on the makespan of both arms; infinite if no monotone timing avoids the chart.
-
-    Args:
-        fastest_a: Minimum-time motion of arm a.
-        fastest_b: Minimum-time motion of arm b.
-        chart: Built at ``d_min`` without reserve; only its blocked cells count.
-        free_only: Count all cells that are not certified free: then it bounds the plans that keep to free cells.
-    """
-    shut, h = _warp(fastest_a, fastest_b, chart, free_only=free_only, every=True)
-    cells = _fewest_cells(shut, np.empty(shut.shape, dtype=np.int32))
-    return max(fastest_a.duration, fastest_b.duration, (cells - 1) * h) if cells else math.inf

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import permutations
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
+from armtempo.planners.coordination._arm_orders import arm_orders
 from armtempo.planners.coordination._order_kernels import (
     NODES,
     ORDER_COLUMNS,
@@ -82,7 +82,7 @@ class OrderSearch:
         """As ``best``, of the orders in which one arm is before another wherever it can be."""
         lags(self._tables, lam, to_go, self._lag)
         found: dict[bytes, tuple[float, Orders]] = {}
-        for rank in self._ranks(to_go):
+        for rank in arm_orders(to_go.tolist(), RANKS_ALL_TRIED):
             orders = self.regions.of_ranks(rank)
             if not force(self._lag, orders):
                 break
@@ -109,18 +109,6 @@ class OrderSearch:
             found.append(best)
         found.reverse()
         return np.array([row for _, row in found], dtype=np.int8), np.array([price for price, _ in found])
-
-    def _ranks(self, to_go: Floats) -> list[tuple[int, ...]]:
-        """All orders of few arms; of many, the longest first, and with one arm taken to any other place."""
-        arms = range(len(to_go))
-        if len(to_go) <= RANKS_ALL_TRIED:
-            return list(permutations(arms))
-        longest = sorted(arms, key=lambda i: -to_go[i])
-        out = [tuple(longest)]
-        for arm in arms:
-            others = [other for other in longest if other != arm]
-            out += [(*others[:place], arm, *others[place:]) for place in arms]
-        return out
 
 
 def _tables(regions: PassingOrders, planes: Sequence[PhasePlane]) -> OrderTables:

@@ -1,4 +1,4 @@
-"""Corners: what it means in time that one arm passes a collision region first, and the earliest times they allow."""
+"""Corners: what it means in time that one arm passes a collision region first."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
+from armtempo.planners.charts import CollisionRegion
 from armtempo.planners.coordination._passing_orders import Orders, PassingOrders
 
 
@@ -20,17 +21,37 @@ class Corners(NamedTuple):
     enters: Floats  # [lambda]
 
 
+def staircase(region: CollisionRegion, order: int) -> tuple[Ints, Ints]:
+    """(E,) borders between cells that the first arm must be past, and (E,) those that the second may pass then.
+
+    ``order``: 0, arm a passes first, or 1, arm b. Only where the latter rises: the rest follows. Somebody's end is in
+    the way where the first one has to get past its last cell, and somebody's start where a border to pass is 0.
+    """
+    cells = region.cells.T if order else region.cells
+    begin, enter = (region.begin_b, region.begin_a) if order else (region.begin_a, region.begin_b)
+    last = np.maximum.accumulate(len(cells) - np.argmax(cells[::-1], axis=0))
+    rises = np.flatnonzero(np.diff(last, prepend=0))
+    return begin + last[rises], enter + rises
+
+
+def can_be(region: CollisionRegion, left: Ints, entered: Ints) -> bool:
+    """Whether nobody's start or end is in the way at the corners of a ``staircase``."""
+    return bool(left[-1] < region.resolution and entered[0] > 0)
+
+
 def corners_of(passing: PassingOrders, orders: Orders) -> Corners | None:
     """The corners of all regions, each passed as ``orders`` say; None if an arm's start or end is in the way."""
     empty = np.empty(0, dtype=np.int64)
     columns: list[tuple[Ints, Ints, Floats, Ints, Floats]] = [(empty, empty, np.empty(0), empty, np.empty(0))]
     for r, ((a, b, region), order) in enumerate(zip(passing.regions, orders, strict=True)):
         first, second = (b, a) if order else (a, b)
-        limit, begin = (region.limit_a, region.begin_b) if order else (region.limit_b, region.begin_a)
-        if limit[0] <= 0.0 or begin + len(limit) >= region.resolution:
+        left, entered = staircase(region, int(order))
+        if not can_be(region, left, entered):
             return None
-        cells = np.flatnonzero(np.append(limit[1:] > limit[:-1], True))  # the last before each rise
-        leaves = np.asarray((begin + cells + 1) * (passing.lengths[first] / region.resolution), dtype=np.float64)
-        one = np.ones(len(cells), dtype=np.int64)
-        columns.append((r * one, first * one, leaves, second * one, limit[cells]))
+        leaves, enters = (
+            np.asarray(cells * (passing.lengths[arm] / region.resolution), dtype=np.float64)
+            for arm, cells in ((first, left), (second, entered))
+        )
+        one = np.ones(len(left), dtype=np.int64)
+        columns.append((r * one, first * one, leaves, second * one, enters))
     return Corners(*(np.concatenate(column) for column in zip(*columns, strict=True)))

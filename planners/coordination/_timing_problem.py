@@ -96,7 +96,7 @@ class TimingProblem:
     def bounded(
         self, *, most_nodes: int = MOST_NODES, time_limit_s: float = np.inf, report: Report | None = None
     ) -> JointBound:
-        """Lower bound on the makespan of any timing, all arms together; ``bound`` has it by the default limits.
+        """Lower bound on the makespan of any timing, all arms together; ``joint`` is it by the default limits.
 
         Args:
             most_nodes: Expanded at most; see ``joint_bound``.
@@ -119,19 +119,34 @@ class TimingProblem:
         return joint_bound(self.fastest, self.passing_orders.regions)
 
     @cached_property
+    def joint(self) -> JointBound:
+        """``bounded`` by its usual limits."""
+        return self.bounded()
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """Lower bound on the makespan of any timing, all arms together [s]; infinite if there is none."""
+        time = max([self.joint.time, *((1.0 - share) * motion.duration for motion, share in self._bound_motions)])
+        if self.joint.complete:
+            return float(time)
+        shares = [share for _, share in self._bound_motions]
+        pairs = (pair.time * (1.0 - max(shares[i], shares[j])) for (i, j), pair in self._pairs.items())
+        return float(max([time, *pairs]))
+
+    @cached_property
+    def _pairs(self) -> dict[tuple[int, int], PairBound]:
+        motions = [motion for motion, _ in self._bound_motions]
+        return {
+            (i, j): pair_bound(motions[i], motions[j], self.bound_chart_between(i, j))
+            for i, j in combinations(self.arms, 2)
+        }
+
+    @cached_property
     def bound(self) -> MakespanBound:
-        """Lower bound on the makespan of any timing, and the class of every pair."""
-        motions = self._bound_motions
-        joint = self.bounded()
-        time = max([joint.time, *((1.0 - share) * motion.duration for motion, share in motions)])
-        pairs: dict[tuple[int, int], PairBound] = {}
+        """The lower bound, and the class of every pair."""
         classes: dict[tuple[int, int], PriorityClass] = {}
         natural: dict[tuple[int, int], tuple[bool, bool]] = {}
-        for i, j in combinations(self.arms, 2):
-            pair = pair_bound(motions[i][0], motions[j][0], self.bound_chart_between(i, j))
-            pairs[i, j] = pair
-            # The joint search knows better, but for rounding, unless it stopped early.
-            time = max(time, pair.time * (1.0 - max(motions[i][1], motions[j][1])))
+        for (i, j), pair in self._pairs.items():
             if np.isinf(pair.time):
                 classes[i, j] = "infeasible"
             elif pair_is_free(self.chart_between(i, j), self.fastest[i], self.fastest[j]):
@@ -139,7 +154,9 @@ class TimingProblem:
             else:
                 natural[i, j] = self._natural(i, j, pair)
                 classes[i, j] = "uniform" if any(natural[i, j]) else "mixed"
-        return MakespanBound(time=float(time), joint=joint, pairs=pairs, classes=classes, natural=natural)
+        return MakespanBound(
+            time=self.lower_bound, joint=self.joint, pairs=self._pairs, classes=classes, natural=natural
+        )
 
     def _natural(self, i: int, j: int, pair: PairBound) -> tuple[bool, bool]:
         """Whether i, or j, may go first everywhere at no cost, and a start delay shows it on the planning chart too."""

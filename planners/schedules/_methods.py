@@ -30,7 +30,7 @@ from armtempo.planners.coordination import (
     plan_vci,
     prioritised,
 )
-from armtempo.planners.schedules._orders import arm_orders, best_of, promising_orders
+from armtempo.planners.schedules._orders import all_orders, best_of, promising_orders
 from armtempo.planners.schedules._schedule import Schedule
 from armtempo.planners.schedules._trapezoidal import trapezoidal
 from armtempo.planners.topp import LIMIT_EXCESS_MAX
@@ -161,7 +161,7 @@ def schedule(
         return _optimal(cell, arms, **limits)
     plan = partial(_vci, cell, period=period) if method == "vci" else partial(_PLANNERS[method], cell)
     if chosen is None:
-        return best_of(plan, arm_orders(cell) if method in SHIFTED else promising_orders(cell))
+        return best_of(plan, all_orders(cell) if method in SHIFTED else promising_orders(cell))
     return plan(chosen)
 
 

@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from itertools import permutations
 
 from armtempo.errors import InfeasibleError
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.coordination import delayed, makespan
+from armtempo.planners.coordination import arm_orders, delayed, makespan
 from armtempo.planners.schedules._schedule import Schedule
 
-ARMS_ALL_TRIED = 5  # of more, the longest first, and each arm taken to every other place
+ARMS_ALL_TRIED = 5  # see ``arm_orders``
 SHAPED_TRIED = 6  # orders in which motions are shaped: those with which start delays do best
 BETTER_SHARE = 1e-6  # of a makespan: by less no order is better than the cell's own
 
 Order = tuple[int, ...]
 
 
-def arm_orders(cell: CoordinationCell) -> list[Order]:
+def all_orders(cell: CoordinationCell) -> list[Order]:
     """Orders to try, that of the cell first."""
-    arms = range(len(cell.arms))
-    if len(arms) <= ARMS_ALL_TRIED:
-        return list(permutations(arms))
-    longest = sorted(arms, key=lambda i: -cell.fastest[i].duration)
-    found = [tuple(arms), tuple(longest)]
-    for arm in arms:
-        others = [other for other in longest if other != arm]
-        found += [(*others[:place], arm, *others[place:]) for place in arms]
-    return list(dict.fromkeys(found))
+    return arm_orders([motion.duration for motion in cell.fastest], ARMS_ALL_TRIED)
 
 
 def promising_orders(cell: CoordinationCell) -> list[Order]:
     """The cell's own, and those in which start delays are shortest."""
     times: dict[Order, float] = {}
-    for order in arm_orders(cell):
+    for order in all_orders(cell):
         try:
             times[order] = makespan(delayed(cell.timing, cell.fastest, order))
         except InfeasibleError:

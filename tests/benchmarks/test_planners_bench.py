@@ -189,9 +189,5 @@ def test_schedules(benchmark: Any, lee1991: CoordinationCell, method: str) -> No
 
 
 def test_lower_bound(benchmark: Any, lee1991: CoordinationCell) -> None:
-    from armtempo.planners import makespan_bound
-
-    bound = benchmark.pedantic(
-        makespan_bound, (*lee1991.fastest, lee1991.bound_chart_between(0, 1)), rounds=5, warmup_rounds=1
-    )
+    bound = benchmark.pedantic(lee1991.timing.bounded, rounds=5, warmup_rounds=1).time
     assert max(motion.duration for motion in lee1991.fastest) <= bound <= schedule(lee1991, "delay").makespan

@@ -6,6 +6,7 @@ A disturbance works below the agents: whoever commands the arm, it obeys later, 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -146,16 +147,18 @@ def make_draws(
     if isinstance(disturbance, str):
         name = disturbance.removeprefix(_ALL)
         chosen, relative = list(_FAMILIES.values()) if name == "any" else [_FAMILIES[name]], 1.0
+        disturbed: Iterable[int] = (0,) if name == disturbance else range(len(cell.arms))
     else:
         chosen, relative = [disturbance or Disturbance()], 0.0
+        disturbed = () if disturbance is None else disturbance.arms
     arms = np.zeros(len(cell.arms), dtype=np.bool_)
-    for arm in chosen[0].arms if disturbs_first_alone(disturbance) or relative == 0.0 else range(len(cell.arms)):
+    for arm in disturbed:
         if arm >= len(cell.arms):
             raise InputError(
                 f"the disturbance is for arm {arm}, cell {brief(cell.name)} has {len(cell.arms)} arms",
                 remedy="give numbers of arms, 0 is the first",
             )
-        arms[arm] = disturbance is not None
+        arms[arm] = True
     ranges = [[float(end) for field in fields(one)[:4] for end in getattr(one, field.name)] for one in chosen]
     return Draws(
         families=np.array([[*row, relative] for row in ranges]),

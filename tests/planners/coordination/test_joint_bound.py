@@ -23,9 +23,9 @@ from armtempo.planners.coordination import (
     delayed,
     joint_bound,
     makespan,
-    makespan_bound,
     offset,
     optimal,
+    pair_bound,
 )
 
 States = NDArray[np.uint8]
@@ -199,7 +199,7 @@ def test_of_two_arms_it_is_no_less_than_the_pairs_bound(alone: TimingProblem, bl
     chart = CoordinationChart(states=states_of(blocked), length_a=1.0, length_b=1.0, d_min=0.0)
     regions = [PassingRegion(0, 1, region) for region in chart.cores]
     one, other, _ = alone.fastest
-    pair, joint = makespan_bound(one, other, chart), joint_bound((one, other), regions).time
+    pair, joint = pair_bound(one, other, chart).time, joint_bound((one, other), regions).time
     assert joint >= pair * (1.0 - 1e-8)
     occupied = states_of(blocked) == 2
     if (occupied[:-1, 1:] & occupied[1:, :-1]).any():

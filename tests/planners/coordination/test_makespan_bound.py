@@ -20,7 +20,6 @@ from armtempo.planners.coordination import (
     TimingProblem,
     delayed,
     makespan,
-    makespan_bound,
     pair_bound,
 )
 from armtempo.planners.coordination._makespan_bound import guide_path
@@ -86,7 +85,7 @@ def test_it_is_above_no_plan_of_start_delays(
 ) -> None:
     chart = chart_of((one, two), (three, four))
     problem = make_problem({(0, 1): chart.states.copy()}, planes=alone.planes)
-    least = makespan_bound(*both(alone), chart)
+    least = pair_bound(*both(alone), chart).time
     assert least >= LONGEST - 1e-9
     for order in ((0, 1), (1, 0)):
         try:
@@ -98,9 +97,9 @@ def test_it_is_above_no_plan_of_start_delays(
 
 def test_it_is_infinite_exactly_where_a_wall_stands(motions: Motions) -> None:
     wall = (10, 12), (0, CELLS)
-    assert makespan_bound(*motions, chart_of(wall)) == math.inf
+    assert pair_bound(*motions, chart_of(wall)).time == math.inf
     assert pair_bound(*motions, chart_of(wall)).path is None
-    assert math.isfinite(makespan_bound(*motions, chart_of(((10, 12), (1, CELLS)))))
+    assert math.isfinite(pair_bound(*motions, chart_of(((10, 12), (1, CELLS)))).time)
 
 
 def test_arms_that_never_meet_go_side_by_side_and_the_quicker_one_starts_later(motions: Motions) -> None:
@@ -118,8 +117,10 @@ def test_arms_that_never_meet_go_side_by_side_and_the_quicker_one_starts_later(m
 
 def test_undecided_cells_count_only_for_plans_in_free_cells(motions: Motions) -> None:
     chart = chart_of(((8, 24), (8, 24)), state=1)
-    assert makespan_bound(*motions, chart) == pytest.approx(LONGEST)
-    assert makespan_bound(*motions, chart, free_only=True) > LONGEST + 0.5
+    assert pair_bound(*motions, chart).time == pytest.approx(LONGEST)
+    guide = guide_path(*motions, chart)
+    assert guide is not None
+    assert len(guide) * float(np.diff(guide, axis=0).max()) > LONGEST + 0.5
 
 
 @settings(max_examples=20)

@@ -20,9 +20,9 @@ from armtempo.planners import (
     CoordinationChart,
     Schedule,
     load_cell,
-    makespan_bound,
     schedule,
 )
+from armtempo.planners.coordination import pair_bound
 
 
 @pytest.fixture(scope="module")
@@ -132,22 +132,22 @@ def chart_of(states: Floats, like: CoordinationChart) -> CoordinationChart:
 def test_the_bound_without_collisions_is_the_slower_arm(lee1991: CoordinationCell) -> None:
     empty = chart_of(np.zeros((64, 64)), lee1991.chart)
     a, b = lee1991.fastest
-    assert makespan_bound(a, b, empty) == pytest.approx(max(a.duration, b.duration))
-    assert makespan_bound(a, b.delayed(0.1), empty) == pytest.approx(b.duration + 0.1)
+    assert pair_bound(a, b, empty).time == pytest.approx(max(a.duration, b.duration))
+    assert pair_bound(a, b.delayed(0.1), empty).time == pytest.approx(b.duration + 0.1)
 
 
 def test_the_bound_behind_a_wall_is_infinite(lee1991: CoordinationCell) -> None:
     a, b = lee1991.fastest
     states = np.zeros((64, 64))
     states[30:34, :] = 2
-    assert makespan_bound(a, b, chart_of(states, lee1991.chart)) == math.inf
+    assert pair_bound(a, b, chart_of(states, lee1991.chart)).time == math.inf
     states[31, 50] = 1  # undecided: no proof
     states[30, 50] = states[32, 50] = states[33, 50] = 1
-    assert makespan_bound(a, b, chart_of(states, lee1991.chart)) < 0.5
+    assert pair_bound(a, b, chart_of(states, lee1991.chart)).time < 0.5
     falling = np.zeros((64, 64))
     for k in range(64):
         falling[k, 63 - k] = falling[min(k + 1, 63), 63 - k] = 2  # the other diagonal: no monotone way through
-    assert makespan_bound(a, b, chart_of(falling, lee1991.chart)) == math.inf
+    assert pair_bound(a, b, chart_of(falling, lee1991.chart)).time == math.inf
 
 
 def test_the_bound_knows_the_corner_it_must_go_round(lee1991: CoordinationCell) -> None:
@@ -156,7 +156,7 @@ def test_the_bound_knows_the_corner_it_must_go_round(lee1991: CoordinationCell) 
     states[64:192, 64:192] = 2
     a, b = lee1991.fastest
     wanted = float(a.time_at(0.75 * a.lam[-1])) + b.duration - float(b.time_at(0.25 * b.lam[-1]))
-    bound = makespan_bound(a, b, chart_of(states, lee1991.chart))
+    bound = pair_bound(a, b, chart_of(states, lee1991.chart)).time
     assert bound <= wanted
     assert bound == pytest.approx(wanted, rel=0.005)
 
