@@ -6,6 +6,7 @@
 #   make recipes  run docs/recipes (RLlib, TorchRL), each in an environment of its own
 #   make lowest  smoke and tests with the lowest versions of all dependencies that pyproject.toml allows
 #   make fuzz    try damaged inputs on every reader, environment and command: COUNT= of them, 100 000 by default
+#   make benchmark-set  draw the cells of configs/benchmarks anew (hours): PART="ring 3" draws those
 #   make build   sdist, wheel from the sdist, smoke test of the wheel in a clean environment
 #   make clean   remove what these made
 PYTHON ?= python3
@@ -21,6 +22,8 @@ LOWEST_TESTS := tests/configs tests/robots/test_urdf.py tests/robots/test_shapes
 	tests/planners/instances/test_instance_file.py tests/agents/policies tests/agents/training/test_sweep.py \
 	tests/agents/training/test_train.py::test_a_training_leaves_curve_logs_checkpoint_and_agent \
 	tests/envs/behaviours/test_conformance.py tests/commands/console tests/commands/test_plan.py tests/test_cache.py
+# Family and number of arms of `make benchmark-set`; none: all
+PART ?=
 # More arguments for pytest: make test ARGS="tests/configs -x"
 ARGS ?=
 # Test files go to as many processes as there are cores; WORKERS=0 keeps to one.
@@ -29,7 +32,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench lowest fuzz recipes rllib torchrl build clean
+.PHONY: run test check bench lowest fuzz benchmark-set recipes rllib torchrl build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -59,6 +62,9 @@ lowest: .venv-lowest/.ready
 
 fuzz: .venv/.test-ready
 	$(BIN)/python -m tests.fuzz --count $(COUNT) --seed $(SEED) $(ARGS)
+
+benchmark-set: .venv/.test-ready
+	$(BIN)/python tests/draw_benchmark.py $(PART)
 
 recipes: rllib torchrl
 

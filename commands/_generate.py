@@ -21,11 +21,11 @@ SUFFIXES = (".yaml", ".npz", LABELS)
 def generate(
     *,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")],
-    family: Literal["planar", "ring", "panda", "iiwa", "ur5e"] = "planar",
+    family: Literal["planar", "shaped", "ring", "rows", "fixture", "panda", "iiwa", "ur5e"] = "planar",
     count: int = 20,
     seed: int = 1,
     first: int = 0,
-    arms: int = 2,
+    arms: Annotated[int | None, tyro.conf.arg(metavar="K", help_behavior_hint="(default: the fewest)")] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Draw random cells whose arms conflict at full speed, and label them. Each is the same on every machine and day.
@@ -36,19 +36,21 @@ def generate(
     Args:
         out: Folder for the files. Cells that are there already are kept: an interrupted run goes on where it was. Those
             that are not as they were drawn are refused.
-        family: planar (two-link arms), ring (of such arms, see --arms), panda, iiwa or ur5e pairs.
+        family: planar (two-link arms that face each other), shaped (those in which shaping the speed pays), such arms
+            in a ring, in rows, or around a fixture; robots: panda, iiwa or ur5e.
         count: How many.
         seed: Of the generator.
         first: Number of the first one; the k-th of a seed is the same whichever are drawn before it.
-        arms: How many arms a ring has, 2 to 8.
+        arms: How many: ring 2 to 16, rows 4 to 12, fixture 3 to 6, robots 2 to 4.
         json_file: Write labels and rejected draws there as JSON, units in the keys; "-" for nothing but JSON on stdout.
     """
     from armtempo.planners import generate_cell  # late, as the next: --help is to be quick
-    from armtempo.planners.instances import cell_name
+    from armtempo.planners.instances import ARMS_OF, cell_name
 
     if count < 1:
         raise InputError(f"--count must be at least 1, got {count}")
     output = Output(json_file)
+    arms = ARMS_OF[family][0] if arms is None else arms
     check_output_folder(out)
     entries: list[dict[str, Any]] = []
     rejected: Counter[str] = Counter()
@@ -121,12 +123,13 @@ def _write(out: Path, generated: Any) -> dict[str, Any]:
     """The three files of a cell, the labels last: they say that the others are complete, and what is in them."""
     import yaml
 
-    from armtempo.planners.instances import save_instance
+    from armtempo.planners.instances import ARMS_OF, save_instance
 
     name = generated.cell.name
     head = f"# Drawn by: armtempo cells generate --family {generated.family} --seed {generated.seed}"
     head += f" --first {generated.index} --count 1"
-    head += f" --arms {len(generated.cell.arms)}" if generated.family == "ring" else ""
+    arms = len(generated.cell.arms)
+    head += f" --arms {arms}" if arms != ARMS_OF[generated.family][0] else ""
     text = yaml.safe_dump(dict(generated.data), sort_keys=False, default_flow_style=None, width=118)
     yaml_file, npz_file, labels = (out / f"{name}{suffix}" for suffix in SUFFIXES)
     with whole_file(yaml_file) as temporary:

@@ -20,8 +20,9 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
 from armtempo.planners.schedules import clairvoyant
 
-ONLINE = ("vci", "delay", *ORDER_POLICIES)
-"""Classical policies that react while they act: learned agents are held against the best of them."""
+FULL_SPEED = "phase-plane"
+ONLINE = ("vci", "delay", FULL_SPEED, *ORDER_POLICIES)
+"""Classical policies that react while they act, or leave that to the shield: agents are held against their best."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
-from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans
+from armtempo.agents.coordination._kind import FULL_SPEED, ONLINE, CoordinationRunner, clairvoyant_makespans
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
 from armtempo.agents.coordination._result import safe_makespan
 from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
@@ -19,9 +19,11 @@ from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import CoordinationCell, execution_of, schedule
 
-FULL_SPEED, OPTIMAL = "full-speed", "optimal"
-SPLIT_POLICIES = (*ONLINE, OPTIMAL, FULL_SPEED)
-"""Classical on-line policies; the plan that knew the undisturbed cell; every arm at full speed, held by the shield."""
+OPTIMAL = "optimal"
+SPLIT_POLICIES = (*ONLINE, OPTIMAL)
+"""Classical on-line policies; the plan that knew the undisturbed cell."""
+AGAINST = {"best_online": "best_online", "full_speed": FULL_SPEED, "clairvoyant": "clairvoyant"}
+"""What ratios are told to, by their keys in JSON."""
 Times = tuple[float | None, ...]
 
 
@@ -32,6 +34,7 @@ class CellComparison:
     Attributes:
         cell: Its name.
         priority_class: ``uniform``, ``mixed``...
+        arms: How many.
         makespans_s: By policy, the makespan of every episode [s]; None where an arm did not arrive or two came too
             close. Policies without a plan here are left out.
         violations: By policy, ticks below ``d_min``.
@@ -41,6 +44,7 @@ class CellComparison:
 
     cell: str
     priority_class: str
+    arms: int
     makespans_s: dict[str, Times]
     violations: dict[str, int]
     clairvoyant_s: tuple[float, ...] | None
@@ -56,6 +60,7 @@ class CellComparison:
         return {
             "cell": self.cell,
             "class": self.priority_class,
+            "arms": self.arms,
             "best_online": self.best_online,
             "makespans_s": self.makespans_s,
             "violations": self.violations,
@@ -69,6 +74,7 @@ class CellComparison:
         return cls(
             cell=record["cell"],
             priority_class=record["class"],
+            arms=record["arms"],
             makespans_s={name: tuple(times) for name, times in record["makespans_s"].items()},
             violations=dict(record["violations"]),
             clairvoyant_s=None if known is None else tuple(known),
@@ -94,6 +100,14 @@ class SplitComparison:
 
     cells: tuple[CellComparison, ...]
     seed: int
+
+    def by_arms(self) -> dict[int, SplitComparison]:
+        """The cells of two arms, of three, ..."""
+        sizes = sorted({one.arms for one in self.cells})
+        return {
+            size: SplitComparison(cells=tuple(one for one in self.cells if one.arms == size), seed=self.seed)
+            for size in sizes
+        }
 
     def pairs(self, name: str, against: str) -> list[tuple[float, float]]:
         """Makespans of a policy and of another (``best_online``, ``clairvoyant``, or a policy), episode by episode.
@@ -126,7 +140,7 @@ class SplitComparison:
         there = [one for one in self.cells if name in one.makespans_s]
         times = [time for one in there for time in one.makespans_s[name]]
         done = [time for time in times if time is not None]
-        ratios = {f"ratio_to_{what}": self.ratio(name, what) for what in ("best_online", FULL_SPEED, "clairvoyant")}
+        ratios = {f"ratio_to_{key}": self.ratio(name, what) for key, what in AGAINST.items()}
         return {
             "cells": len(there),
             "episodes": len(times),
@@ -194,6 +208,7 @@ def _compare(env: CoordinationEnv, policies: Sequence[str], episodes: int, seed:
     return CellComparison(
         cell=cell.name,
         priority_class=cell.priority_class,
+        arms=len(cell.arms),
         makespans_s=makespans,
         violations=violations,
         clairvoyant_s=_known(env, episodes, seed),

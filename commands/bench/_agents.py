@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from armtempo.commands.bench._coordination import Family
 from armtempo.commands.console import (
     DisturbanceName,
     JsonFile,
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
     from armtempo.planners.instances import BenchmarkInstance
 
-DEFAULT_POLICIES = ("delay", "vci", "full-speed", "optimal", "ppo:generalist")
+DEFAULT_POLICIES = ("delay", "vci", "phase-plane", "search", "search+stop", "optimal", "ppo:generalist")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +40,11 @@ class CellChoice:
     priority_class: Annotated[Literal["mixed", "uniform", "all"], tyro.conf.arg(name="class")] = "all"
     """Cells in which the same arm goes first everywhere in the optimum (uniform), or not (mixed)."""
 
-    family: Literal["planar", "panda", "iiwa", "all"] = "planar"
+    family: Family | Literal["all"] = "planar"
     """Kind of arms."""
+
+    arms: Annotated[tuple[int, ...], tyro.conf.arg(metavar="K", help_behavior_hint="(default: any)")] = ()
+    """Only cells of so many arms."""
 
 
 def bench_agents(
@@ -55,14 +60,14 @@ def bench_agents(
     """Run policies in the feasible cells of a split, all under the shield, and compare their makespans.
 
     A ratio is of mean makespans over the same episodes, with its 95 % bootstrap interval: to the best classical on-line
-    policy of each cell (delay or vci, in the order of the arms that plans better), to full speed under the shield, and
-    to who knows beforehand what happens to the first arm.
+    policy of each cell, of those asked for (those that plan by priority in their best order of the arms), to full speed
+    under the shield, and to who knows beforehand what happens to the first arm. One table per number of arms.
 
     Args:
         choice: Which cells.
-        policies: delay, vci, full-speed, optimal (the plan of the undisturbed cell, executed by precedence), and
-            learned agents as ppo:NAME or ppo:FILE.npz.
-        disturbance: What happens to the first arm: it starts late, is slow, stops and goes.
+        policies: delay, vci, phase-plane (full speed), search, search+stop, longest-path and reorder on line; optimal
+            (the plan of the undisturbed cell, executed by precedence); learned agents as ppo:NAME or ppo:FILE.npz.
+        disturbance: What happens to the first arm, or to all: it starts late, is slow, stops and goes.
         episodes: Per cell and policy; they differ if there is a disturbance.
         seed: Seed of the first episode; the next ones count on from it.
         physics: "ideal" moves the arms exactly as commanded, "bullet" simulates torque control.
@@ -75,14 +80,16 @@ def bench_agents(
     )  # late, as the others here: --help is to be quick
     from armtempo.planners import benchmark_instances
 
+    family = None if choice.family == "all" else choice.family
     chosen = [
         one
-        for one in benchmark_instances(choice.split, family=None if choice.family == "all" else choice.family)
+        for one in benchmark_instances(choice.split, family=family, arms=choice.arms or None)
         if one.labels.status == "feasible" and choice.priority_class in ("all", one.labels.priority_class)
     ]
     if not chosen:
         raise InputError(
-            f"the {choice.split} split has no feasible {choice.priority_class} cell of {choice.family} arms"
+            f"the {choice.split} split has no feasible {choice.priority_class} cell of the family {choice.family}"
+            + (f" of {', '.join(map(str, choice.arms))} arms" if choice.arms else "")
         )
     output = Output(json_file)
     asked: dict[str, Any] = {
@@ -104,19 +111,26 @@ def bench_agents(
                 cells.append(CellComparison.from_record(kept.result(one.name, compare)))
                 progress.advance(task)
         compared = SplitComparison(cells=tuple(cells), seed=seed)
-        figures = {name: compared.figures(name) for name in policies}
-        which = f"{choice.split}, {choice.priority_class}, {choice.family}"
-        _show(compared, figures, f"{which}, {physics}, disturbance {disturbance}", output)
+        what = f"{choice.split}, {choice.priority_class}, {choice.family}, {physics}, disturbance {disturbance}"
+        by_arms = compared.by_arms()
+        for arms, own in by_arms.items():
+            _show(own, policies, f"{arms} arms, {what}", output)
+        if len(by_arms) > 1:
+            _show(compared, policies, what, output)
         output.json(
             {
                 "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
-                "disturbance": disturbance, "episodes": episodes, "seed": seed, "policies": figures,
+                "disturbance": disturbance, "episodes": episodes, "seed": seed,
+                "policies": {name: compared.figures(name) for name in policies},
+                "policies_by_arms": {
+                    str(arms): {name: own.figures(name) for name in policies} for arms, own in by_arms.items()
+                },
                 "cells": [one.record() for one in compared.cells],
             }
         )  # fmt: skip
 
 
-def _show(compared: SplitComparison, figures: dict[str, dict[str, Any]], what: str, output: Output) -> None:
+def _show(compared: SplitComparison, policies: Sequence[str], what: str, output: Output) -> None:
     """One row per policy."""
     table = new_table(
         f"{len(compared.cells)} cells ({what})",
@@ -124,10 +138,11 @@ def _show(compared: SplitComparison, figures: dict[str, dict[str, Any]], what: s
     )
     for head in ("policy", "cells\nwith a plan", "finished", "too close\n\\[ticks]", "makespan\n\\[s]"):
         table.add_column(head, justify="left" if head == "policy" else "right", no_wrap=head == "policy")
-    for head in ("to the best\nof delay, vci", "to full\nspeed", "to who\nknows"):
+    for head in ("to the best\non-line rule", "to full\nspeed", "to who\nknows"):
         table.add_column(head, justify="right")
-    for name, one in figures.items():
-        ratios = [one[f"ratio_to_{key}"] for key in ("best_online", "full-speed", "clairvoyant")]
+    for name in policies:
+        one = compared.figures(name)
+        ratios = [one[f"ratio_to_{key}"] for key in ("best_online", "full_speed", "clairvoyant")]
         table.add_row(
             name, str(one["cells"]), f"{one['finished']} of {one['episodes']}", str(one["violations"]),
             number(one["makespan_s"], 4),

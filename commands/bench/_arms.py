@@ -25,17 +25,17 @@ DEFAULT_METHODS = ("delay", "interval", "optimal")
 
 def bench_arms(
     *,
-    most: int = 6,
+    arms: Annotated[tuple[int, ...], tyro.conf.arg(metavar="K")] = (2, 3, 4, 5, 6),
     count: int = 5,
     seed: int = 1,
     methods: Names = DEFAULT_METHODS,
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")] = Path("results/bench-arms.png"),
     json_file: JsonFile = None,
 ) -> None:
-    """Plan rings of 2, 3, ... planar arms whose paths cross in the middle, and plot the planning time over the arms.
+    """Plan rings of 2, 3, ... planar arms whose paths cross in the middle; plot planning time and gap over the arms.
 
     Args:
-        most: The most arms, up to 8.
+        arms: How many arms, each of 2 to 16.
         count: Rings of each size: the first ones of the generator that are feasible.
         seed: The generator's.
         methods: Of delay, offset, vci, interval, optimal; those that go by priority take the arms as they stand.
@@ -44,22 +44,25 @@ def bench_arms(
     """
     from armtempo.commands.figures._bench import arms_figure  # late, as the others here: --help is to be quick
     from armtempo.commands.figures._style import write_png
-    from armtempo.planners.instances import PLANNED_METHODS
+    from armtempo.planners.instances import ARMS_OF, PLANNED_METHODS
 
     for method in methods:
         if method not in PLANNED_METHODS:
             raise UnknownNameError("method", method, PLANNED_METHODS)
-    if not 2 <= most <= 8 or count < 1:
-        raise InputError(f"--most must be 2 to 8 and --count positive, got {most} and {count}")
+    sizes = sorted(set(arms))
+    if not sizes or not set(sizes) <= set(ARMS_OF["ring"]) or count < 1:
+        raise InputError(
+            f"--arms must be 2 to 16 each and --count positive, got {', '.join(map(str, arms))} and {count}"
+        )
     output = Output(json_file)
     check_output(out)
-    with kept_results("bench arms", {"most": most, "count": count, "seed": seed, "methods": methods}) as kept:
+    with kept_results("bench arms", {"arms": sizes, "count": count, "seed": seed, "methods": methods}) as kept:
         output.taken_over(kept)
         entries: list[dict[str, Any]] = []
-        with output.progress("Planning", (most - 1) * count) as (progress, task):
-            for arms in range(2, most + 1):
-                progress.update(task, description=f"Planning {arms} arms")
-                for entry in _feasible_rings(arms, count, seed, methods, kept):
+        with output.progress("Planning", len(sizes) * count) as (progress, task):
+            for size in sizes:
+                progress.update(task, description=f"Planning {size} arms")
+                for entry in _feasible_rings(size, count, seed, methods, kept):
                     entries.append(entry)
                     progress.advance(task)
         output.table(_tabulate(entries, methods, count))

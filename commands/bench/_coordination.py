@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from armtempo.planners.instances import BenchmarkInstance, BenchResult, Claim
     from armtempo.planners.schedules import Engine
 
-Family = Literal["planar", "panda", "iiwa"]  # of the benchmark set
+Family = Literal["planar", "shaped", "panda", "iiwa", "ur5e", "ring", "rows", "fixture"]  # of the benchmark set
 DEFAULT_METHODS = ("sequential", "delay", "offset", "vci", "interval", "optimal")
 
 
@@ -25,6 +25,7 @@ def bench_coordination(
     *,
     split: Literal["train", "validation", "test", "all"] = "test",
     families: Annotated[tuple[Family, ...], tyro.conf.arg(help_behavior_hint="(default: all)")] = (),
+    arms: Annotated[tuple[int, ...], tyro.conf.arg(metavar="K", help_behavior_hint="(default: any)")] = (),
     methods: Names = DEFAULT_METHODS,
     limit: Annotated[int | None, tyro.conf.arg(metavar="K", help_behavior_hint="(default: all)")] = None,
     audit: Literal["auto", "coal", "pybullet", "none"] = "auto",
@@ -35,8 +36,9 @@ def bench_coordination(
     Args:
         split: Which part of the set.
         families: Only these.
-        methods: Planning methods; "armtempo plan --help" lists them. Those that go by priority get both orders of two
-            arms, and the better plan counts.
+        arms: Only cells of so many arms.
+        methods: Planning methods; "armtempo plan --help" lists them. Those that go by priority get the best order of
+            the arms.
         limit: At most so many cells, spread over the split.
         audit: Engine that measures all plans at ten times the control rate, none of which the planners use; auto: coal
             if it is installed (extra dev), else PyBullet, whose distances of hulls may be 2 mm short.
@@ -52,10 +54,13 @@ def bench_coordination(
             raise UnknownNameError("method", method, METHODS)
     if limit is not None and limit < 1:
         raise InputError(f"--limit must be at least 1, got {limit}")
-    chosen = benchmark_instances(None if split == "all" else split)
-    if families:
-        wanted = {one.name for family in families for one in benchmark_instances(family=family)}
-        chosen = tuple(one for one in chosen if one.name in wanted)
+    chosen = tuple(
+        one
+        for one in benchmark_instances(None if split == "all" else split, arms=arms or None)
+        if not families or one.family in families
+    )
+    if not chosen:
+        raise InputError(f"the {split} split has no such cells of {', '.join(map(str, arms))} arms")
     if limit is not None and limit < len(chosen):
         chosen = tuple(chosen[k * len(chosen) // limit] for k in range(limit))
     engine = None if audit == "none" else default_engine() if audit == "auto" else audit
@@ -78,14 +83,14 @@ def bench_coordination(
                     changed.append(instance.name)
                 progress.advance(task)
         claims = bench_claims(results)
-        _show(results, methods, f"{split}, {len(chosen)} cells", engine, output)
+        _show(results, methods, split, engine, output)
         _tell(claims, changed, output)
         output.json(
             {
                 "split": split,
                 "cells": len(chosen),
                 "audit": engine,
-                "methods": {method: _summary([r for r in results if r.method == method]) for method in methods},
+                "methods": {method: _summary(results, method) for method in methods},
                 "claims": [_claim(claim) for claim in claims],
                 "other_bounds": changed,
                 "results": [result.record() for result in results],
@@ -120,21 +125,25 @@ def _claim(claim: Claim) -> dict[str, Any]:
     return {"claim": claim.text, "checked": claim.checked, "broken": list(claim.broken)}
 
 
-Chosen = Callable[["BenchResult"], bool]
-GROUPS: tuple[tuple[str, Chosen], ...] = (
-    ("feasible", lambda r: r.labels.status == "feasible"),
-    ("feasible, uniform", lambda r: r.labels.status == "feasible" and r.labels.priority_class == "uniform"),
-    ("feasible, mixed", lambda r: r.labels.status == "feasible" and r.labels.priority_class == "mixed"),
-    ("certified infeasible or undecided", lambda r: r.labels.status != "feasible"),
-)
+def _groups(results: Sequence[BenchResult]) -> dict[str, list[BenchResult]]:
+    """What is shown together: two arms by priority class, more by their number, and what nobody has a plan for."""
+    groups: dict[str, list[BenchResult]] = {}
+    for result in sorted(results, key=lambda r: r.arms):  # stable
+        if result.labels.status != "feasible":
+            continue
+        names = [f"feasible, {result.arms} arms"]
+        if result.arms == 2:
+            names += [f"feasible, 2 arms, {result.labels.priority_class}"]
+        for name in names:
+            groups.setdefault(name, []).append(result)
+    groups["certified infeasible or undecided"] = [r for r in results if r.labels.status != "feasible"]
+    return {name: group for name, group in groups.items() if group}
 
 
-def _summary(results: Sequence[BenchResult]) -> dict[str, Any]:
+def _summary(results: Sequence[BenchResult], method: str) -> dict[str, Any]:
     """One method's figures, all together and per group."""
-    return {
-        "all": _figures(results),
-        **{name: _figures([r for r in results if belongs(r)]) for name, belongs in GROUPS},
-    }
+    groups = {"all": results, **_groups(results)}
+    return {name: _figures([r for r in group if r.method == method]) for name, group in groups.items()}
 
 
 def _figures(results: Sequence[BenchResult]) -> dict[str, Any]:
@@ -159,12 +168,11 @@ def _show(
     results: Sequence[BenchResult], methods: Sequence[str], what: str, engine: str | None, output: Output
 ) -> None:
     audited = f"audited by {engine} at 10 x the control rate" if engine else "clearances not audited"
-    for name, belongs in GROUPS:
-        group = [result for result in results if belongs(result)]
-        if not group:
-            continue
+    for name, group in _groups(results).items():
+        cells = f"{len({result.cell for result in group})} cells"
         table = new_table(
-            f"{name[0].upper()}{name[1:]} ({what})", f"gap to the certified bound; best order of two arms; {audited}"
+            f"{name[0].upper()}{name[1:]}: {cells} ({what})",
+            f"gap to the certified bound; best order of arms; {audited}",
         )
         table.add_column("method", no_wrap=True)
         for head in ("solved", "violations", "gap [%]\nmedian", "\np90", "\nmax", "planned in [s]\nmedian", "\nmax"):

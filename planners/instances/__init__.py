@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from armtempo.planners.instances._bench import BenchResult, Claim, bench_cell, bench_claims
-from armtempo.planners.instances._benchmark_set import SPLITS, BenchmarkInstance, benchmark_instances, draw_benchmark
+from armtempo.planners.instances._benchmark_set import (
+    PARTS,
+    SET_FAMILIES,
+    SPLITS,
+    BenchmarkInstance,
+    SetPart,
+    benchmark_instances,
+    draw_benchmark,
+    dump,
+)
+from armtempo.planners.instances._cell_draws import ARMS_OF, FAMILIES
 from armtempo.planners.instances._generator import (
-    FAMILIES,
     CellLabels,
     GeneratedCell,
     cell_name,
@@ -15,6 +24,11 @@ from armtempo.planners.instances._generator import (
 from armtempo.planners.instances._instance_file import PLANNED_METHODS, Instance, load_instance, save_instance
 
 __all__ = [
+    "ARMS_OF",
+    "PARTS",
+    "SET_FAMILIES",
+    "SetPart",
+    "dump",
     "BenchResult",
     "BenchmarkInstance",
     "CellLabels",

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -32,12 +32,12 @@ class BenchResult:
         family: What kind of arms.
         labels: What is known of the cell.
         method: The planner.
-        makespan: Of the best order of two arms [s]; infinite if there is no plan.
+        makespan: In the best order of the arms [s]; infinite if there is no plan.
         gap_percent: Over the certified lower bound.
         seconds: Planning time, all orders together [s].
         reason: Why there is no plan, empty where there is one.
         fallback: The method that planned instead.
-        orders: Per order of the arms that was tried, its makespan [s], None without a plan.
+        orders: Of two arms, per order that was tried its makespan [s], None without a plan; of more, of the best one.
         min_clearance: Smallest distance of two arms by the audit [m]; None: not audited.
         violations: What is wrong with the plan: ``clearance``, ``torque``, ``speed``, ``acceleration``, ``end``.
     """
@@ -54,6 +54,11 @@ class BenchResult:
     orders: Mapping[tuple[int, ...], float | None]
     min_clearance: float | None = None
     violations: tuple[str, ...] = ()
+
+    @property
+    def arms(self) -> int:
+        """How many arms the cell has."""
+        return len(self.labels.minimum_times)
 
     @property
     def solved(self) -> bool:
@@ -104,8 +109,8 @@ def bench_cell(
 ) -> list[BenchResult]:
     """Plan a cell by every method, and audit the plans.
 
-    Methods that look at one order of the arms get both orders of two arms, and the better plan counts. Phase planes,
-    charts, what they shut along each path, and the bound are there before the clock starts.
+    Methods that look at one order of the arms get the best of those that ``schedule`` tries; of two arms, both orders.
+    Phase planes, charts, what they shut along each path, and the bound are there before the clock starts.
 
     Args:
         cell: What to plan.
@@ -119,16 +124,19 @@ def bench_cell(
         cell.timing.runs(i, j)  # kept for all methods: whichever came first would pay for it
     results = []
     for method in methods:
-        both = len(cell.arms) == 2 and method in ONE_ORDER_METHODS
-        orders = list(permutations(range(2))) if both else [tuple(range(len(cell.arms)))]
+        own = tuple(range(len(cell.arms)))
+        wanted: Sequence[tuple[int, ...] | Literal["best"]] = [own]
+        if method in ONE_ORDER_METHODS:
+            wanted = list(permutations(own)) if len(own) == 2 else ["best"]
         found: dict[tuple[int, ...], Schedule | None] = {}
         reason = ""
         start = time.perf_counter()
-        for order in orders:
+        for order in wanted:
             try:
-                found[order] = schedule(cell, method, order=order)
+                plan = schedule(cell, method, order=order)
+                found[plan.order if order == "best" else order] = plan
             except InfeasibleError as refusal:
-                found[order] = None
+                found[own if order == "best" else order] = None
                 reason = reason or str(refusal.data.get("reason") or refusal.message.split(":")[0])
         seconds = time.perf_counter() - start
         plans = [plan for plan in found.values() if plan is not None]

@@ -92,7 +92,7 @@ def test_bench_errors(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_bench_arms() -> None:
-    assert main(["bench", "arms", "--most", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
+    assert main(["bench", "arms", "--arms", "2", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
     rings = json.loads(Path("arms.json").read_text(encoding="utf-8"))["rings"]
     assert [ring["arms"] for ring in rings] == [2, 3]
     assert all(ring["makespan_s"]["optimal"] >= ring["lower_bound_s"] for ring in rings)
@@ -103,11 +103,11 @@ def test_bench_arms() -> None:
     ("line", "words"),
     [
         (["bench", "coordination", "--methods", "magic"], "unknown method 'magic'"),
-        (["bench", "coordination", "--families", "ring"], "planar"),
+        (["bench", "coordination", "--families", "scara"], "planar"),
         (["bench", "coordination", "--limit", "0"], "--limit must be at least 1"),
-        (["bench", "arms", "--most", "9"], "--most must be 2 to 8"),
+        (["bench", "arms", "--arms", "17"], "--arms must be 2 to 16"),
         (["cells", "generate", "--out", "cells", "--count", "0"], "--count must be at least 1"),
-        (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "3"], "2 to 8 for ring"),
+        (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "3"], "give one of 2, 3, 4"),
     ],
 )
 def test_wrong_lines(line: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from armtempo.planners import load_cell, schedule
 
 def comparison(**makespans: tuple[float | None, ...]) -> CellComparison:
     return CellComparison(
-        cell="a", priority_class="uniform", makespans_s=makespans, violations=dict.fromkeys(makespans, 0),
+        cell="a", priority_class="uniform", arms=2, makespans_s=makespans, violations=dict.fromkeys(makespans, 0),
         clairvoyant_s=(1.0,) * len(next(iter(makespans.values()))),
     )  # fmt: skip
 
@@ -40,20 +40,20 @@ def test_who_did_not_always_finish_is_not_the_best() -> None:
 
 def test_two_cells_run_under_the_shield() -> None:
     cells = [load_cell("lee1991"), load_cell("mixed-priority")]
-    compared = compare_on(cells, ["delay", "vci", "full-speed", "optimal"])
+    compared = compare_on(cells, ["delay", "vci", "phase-plane", "optimal"])
     lee, mixed = compared.cells
     assert "delay" not in mixed.makespans_s  # no start delay works there
     assert lee.clairvoyant_s == (schedule(cells[0], "optimal").makespan,)
-    for name in ("vci", "full-speed", "optimal"):
+    for name in ("vci", "phase-plane", "optimal"):
         figures = compared.figures(name)
         assert figures["finished"] == 2
         assert figures["violations"] == 0
         assert figures["ratio_to_clairvoyant"][0] > 0.999
-    assert lee.makespans_s["full-speed"][0] == pytest.approx(1.06 * (lee.makespans_s["optimal"][0] or 0.0), rel=0.02)
+    assert lee.makespans_s["phase-plane"][0] == pytest.approx(1.06 * (lee.makespans_s["optimal"][0] or 0.0), rel=0.02)
 
 
 def test_a_disturbed_first_arm_is_the_same_for_all() -> None:
-    compared = compare_on([load_cell("lee1991")], ["delay", "full-speed"], episodes=3, disturbance="stop-and-go")
+    compared = compare_on([load_cell("lee1991")], ["delay", "phase-plane"], episodes=3, disturbance="stop-and-go")
     one = compared.cells[0]
     assert one.clairvoyant_s is not None
     assert len(set(one.clairvoyant_s)) == 3
@@ -73,8 +73,8 @@ def test_what_is_refused() -> None:
 def test_the_command_writes_what_it_shows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "agents.json"
     line = ["bench", "agents", "--class", "mixed", "--split", "validation", "--policies"]
-    assert main([*line, "full-speed", "--json", str(file)]) == 0
-    assert "full-speed" in capsys.readouterr().out
+    assert main([*line, "phase-plane", "--json", str(file)]) == 0
+    assert "phase-plane" in capsys.readouterr().out
     told = json.loads(file.read_text())
-    assert told["policies"]["full-speed"]["violations"] == 0
+    assert told["policies"]["phase-plane"]["violations"] == 0
     assert main([*line, "nobody"]) == 2

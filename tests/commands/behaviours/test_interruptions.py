@@ -135,9 +135,9 @@ def test_other_arguments_or_another_cell_take_nothing_over(
 
 
 BENCHES = {
-    "agents": (["bench", "agents", "--policies", "full-speed", "ppo:generalist", "--episodes", "2"], "cells"),
+    "agents": (["bench", "agents", "--policies", "phase-plane", "ppo:generalist", "--episodes", "2"], "cells"),
     "coordination": (["bench", "coordination", "--methods", "sequential", "delay", "--audit", "none"], "results"),
-    "arms": (["bench", "arms", "--most", "2", "--count", "2", "--methods", "delay", "--out", "arms.png"], "rings"),
+    "arms": (["bench", "arms", "--arms", "2", "--count", "2", "--methods", "delay", "--out", "arms.png"], "rings"),
 }
 
 

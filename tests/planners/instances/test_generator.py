@@ -14,8 +14,7 @@ import pytest
 from armtempo.configs import data_path
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, benchmark_instances, build_cell, generate_cell, schedule
-from armtempo.planners.instances import CellLabels, GeneratedCell, label_cell
-from armtempo.planners.instances._benchmark_set import draw_benchmark
+from armtempo.planners.instances import PARTS, CellLabels, GeneratedCell, draw_benchmark, label_cell
 
 IN_ANOTHER_PROCESS = """
 import json
@@ -53,7 +52,7 @@ def test_draws_are_filtered_and_counted(uniform: GeneratedCell) -> None:
         "the arms start or end too close",
         "an arm is too weak for its path",
         "a path leaves the arm's reach or joint limits",
-        "links of one arm touch",
+        "links of one arm touch, or an obstacle",
         "the minimum time depends on the grid",
     }
     cell = uniform.cell
@@ -97,8 +96,9 @@ def test_rings_have_as_many_arms_as_wanted() -> None:
 def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="planar"):
         generate_cell("scara", 1, 0)
-    with pytest.raises(InputError, match="2 to 8 for ring"):
-        generate_cell("panda", 1, 0, arms=3)
+    with pytest.raises(InputError, match="6 arms of family 'panda'") as refused:
+        generate_cell("panda", 1, 0, arms=6)
+    assert refused.value.remedy == "give one of 2, 3, 4"
     with pytest.raises(InputError, match="negative"):
         generate_cell("planar", -1, 0)
 
@@ -129,7 +129,7 @@ def test_records_build_the_cells_that_were_labelled() -> None:
 
 
 def test_the_generator_draws_the_set_again() -> None:
-    drawn, stored = (one.record() for one in (next(draw_benchmark("planar")), benchmark_instances(family="planar")[0]))
+    drawn, stored = (one.record() for one in (next(draw_benchmark(PARTS[0])), benchmark_instances(family="planar")[0]))
     times = [record["labels"].pop("minimum_times_s") for record in (drawn, stored)]
     assert times[0] == pytest.approx(times[1], rel=1e-12)  # last bits are the machine's
     assert drawn == stored
