@@ -66,15 +66,17 @@ class CellConfig(CellFileConfig):
     stations: Annotated[int, Field(ge=50, le=16000, strict=True)] = 1000
     """Intervals of the phase-plane grid along each path; doubled until sampled torques exceed no limit by 0.1 %."""
     chart_tolerance_m: Annotated[Real, Field(ge=1e-6)] = 0.0004
-    """Side of the smallest cell of a coordination chart [m]; a chart has at most 4096 cells along each side.
+    """Side of the smallest cell of a coordination chart [m]; a chart has at most 8192 cells along each side.
 
-    Where cells that are neither certified free nor blocked would cost more than 0.3 % of the makespan, the charts of
-    the pairs that it hangs on get cells of a half or a quarter of that by themselves.
+    Where cells that are neither certified free nor blocked would cost more than 0.3 % of the makespan (of N arms, an
+    (N-1)th of that), the charts of the pairs that it hangs on get cells of a half or a quarter of that by themselves,
+    and of an eighth where arms would not get through else.
     """
     chart_cells: Annotated[int, Field(ge=16, le=4096, strict=True)] | None = None
     """Instead: cells along each side, a power of two; null: 1024 where a path goes through joint waypoints.
 
-    Likewise the least that a chart has: two or four times as many where undecided cells would cost time.
+    Likewise the least that a chart has: two or four times as many where undecided cells would cost time, and eight
+    times where they would shut a way.
     """
     arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
     """The arms in priority order: the first is the master."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import ClassVar, final
@@ -11,7 +11,7 @@ from armtempo.configs import CellConfig
 from armtempo.errors import CollisionError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
 from armtempo.planners.cells._cell import CellBase, Sweep, sweeps_along
-from armtempo.planners.charts import CoordinationChart, check_path
+from armtempo.planners.charts import CoordinationChart, check_path, with_joined_cores
 from armtempo.planners.coordination import (
     MakespanBound,
     PassingOrders,
@@ -25,6 +25,7 @@ from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
 MOST_HALVINGS = 2  # of the side of a chart's cells, where undecided ones cost time
+LAST_HALVINGS = 1  # more, where arms would not get through
 CONTROL_SHARE = 0.01
 """Of a torque limit, for what a motion in ticks needs beyond the smooth one: 0.6 % in planar-four."""
 
@@ -129,6 +130,10 @@ class CoordinationCell(CellBase[CellConfig]):
     def _charts(self) -> dict[tuple[int, int, float, int], CoordinationChart]:
         return {}  # filled as pairs are asked for
 
+    @cached_property
+    def _closer_charts(self) -> dict[tuple[int, int, float], CoordinationChart]:
+        return {}  # likewise
+
     def _chart(self, i: int, j: int, d_min: float, halvings: int | None = None) -> CoordinationChart:
         """``halvings``: of the side that the file asks for; None: as many as the pair has."""
         if i == j or not (0 <= i < len(self.arms) and 0 <= j < len(self.arms)):
@@ -148,9 +153,9 @@ class CoordinationCell(CellBase[CellConfig]):
     def _halvings(self) -> dict[tuple[int, int], int]:
         """Per pair, how often cells of its charts are halved: again and again while undecided cells cost time."""
         halvings = dict.fromkeys(combinations(range(len(self.arms)), 2), 0)
-        for _ in range(MOST_HALVINGS):
+        for done in range(MOST_HALVINGS + LAST_HALVINGS):
             charts = {pair: self._chart(*pair, self.planned_clearance, times) for pair, times in halvings.items()}
-            costly = pairs_to_refine(self.fastest, charts)
+            costly = pairs_to_refine(self.fastest, charts, last_resort=done >= MOST_HALVINGS)
             if not costly:
                 break
             for pair in costly:
@@ -164,13 +169,26 @@ class CoordinationCell(CellBase[CellConfig]):
     def chart_between(self, i: int, j: int) -> CoordinationChart:
         """Coordination chart of arms i and j for planning, first index along path i: at ``d_min`` plus the reserve.
 
-        Its cells are those of the cell's file, or up to four times smaller where undecided ones would cost time.
+        Its cells are those of the cell's file, or up to four times smaller where undecided ones would cost time, eight
+        times where arms would not get through.
         """
         return self._chart(i, j, self.planned_clearance)
 
     def bound_chart_between(self, i: int, j: int) -> CoordinationChart:
-        """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``."""
-        return self._chart(i, j, self.d_min)
+        """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``.
+
+        What is blocked is looked at closer where two parts of it nearly touch: bounds hang on whether arms get through.
+        """
+        return self._looked_closer(i, j, self.d_min)
+
+    def _looked_closer(self, i: int, j: int, d_min: float) -> CoordinationChart:
+        if i > j:
+            return self._looked_closer(j, i, d_min).swapped
+        if (i, j, d_min) not in self._closer_charts:
+            self._closer_charts[i, j, d_min] = with_joined_cores(
+                self._chart(i, j, d_min), (self.arms[i], self.arms[j]), (self.paths[i], self.paths[j])
+            )
+        return self._closer_charts[i, j, d_min]
 
     def chart_at(self, i: int, j: int, clearance: float) -> CoordinationChart:
         """Coordination chart of arms i and j, first index along path i, at a clearance [m] of your own."""
@@ -225,6 +243,18 @@ class CoordinationCell(CellBase[CellConfig]):
     def lower_bound(self) -> float:
         """Lower bound on the makespan of any timing within the planned torque limits [s]; or infinite."""
         return self.timing.lower_bound
+
+    @cached_property
+    def planned_bound(self) -> float:
+        """Likewise on the makespan of timings that keep the reserve above ``d_min``, as all plans do [s]; or infinite.
+
+        What it is above ``lower_bound`` is what the reserve costs, and no method can gain: a passage may be wide enough
+        for ``d_min`` alone.
+        """
+        reserved = replace(
+            self.timing, bound_chart_between=lambda i, j: self._looked_closer(i, j, self.planned_clearance)
+        )
+        return max(self.lower_bound, reserved.lower_bound)
 
     @property
     def priority_class(self) -> PriorityClass:

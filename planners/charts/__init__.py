@@ -10,6 +10,7 @@ from armtempo.planners.charts._coordination_chart import (
     UNDECIDED,
     CoordinationChart,
 )
+from armtempo.planners.charts._joined_cores import with_joined_cores
 from armtempo.planners.charts._path_certificate import check_path
 from armtempo.planners.charts._regions import CollisionRegion, cells_at, limit_at
 
@@ -26,4 +27,5 @@ __all__ = [
     "clearance_table",
     "limit_at",
     "tabulated_clearance",
+    "with_joined_cores",
 ]

@@ -39,14 +39,15 @@ class ArmSweep:
     step: float
 
     @classmethod
-    def of(cls, arm: Arm, path: AbstractJointPath, finest: int) -> ArmSweep:
-        """Sample the path.
+    def of(cls, arm: Arm, path: AbstractJointPath, finest: int, part: tuple[float, float] | None = None) -> ArmSweep:
+        """Sample the path, or the part of it between two places [lambda].
 
         Raises:
             PathError: The path, its speed bounds or the arm on it are not finite: they would certify anything.
         """
         path.check_stations()
-        station = np.linspace(0.0, path.length, SAMPLES_PER_INTERVAL * finest + 1)
+        begin, end = (0.0, path.length) if part is None else part
+        station = np.linspace(begin, end, SAMPLES_PER_INTERVAL * finest + 1)
         q = path.sampled(station, arm.dof)[0]
         speed = path.speed_bound(station[:-1], station[1:])
         if np.shape(speed) != (len(station) - 1, arm.dof) or not all_finite(speed) or (speed < 0.0).any():
@@ -54,7 +55,7 @@ class ArmSweep:
                 f"the speed bounds of a {type(path).__name__} are not (..., {arm.dof}) finite numbers >= 0",
                 remedy="give upper bounds of |f'| over intervals, one per joint",
             )
-        return cls(arm=arm, finest=finest, q=q, speed=speed, step=path.length / (SAMPLES_PER_INTERVAL * finest))
+        return cls(arm=arm, finest=finest, q=q, speed=speed, step=(end - begin) / (SAMPLES_PER_INTERVAL * finest))
 
     @cached_property
     def poses(self) -> Floats:

@@ -9,7 +9,7 @@ else the links' real shapes do; only real shapes block one. Planning takes undec
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, final
 
@@ -30,7 +30,7 @@ from armtempo.robots import Arm
 
 __all__ = ["BLOCKED", "FREE", "MAX_RESOLUTION", "UNDECIDED", "CoordinationChart"]
 
-MAX_RESOLUTION = 4096
+MAX_RESOLUTION = 8192
 CHART_VERSION = 2  # of the certification: raise it when the same input may get another chart
 
 
@@ -45,6 +45,8 @@ class CoordinationChart:
         length_a: ``lambda_max`` of path a.
         length_b: ``lambda_max`` of path b.
         d_min: Smallest allowed distance [m].
+        joined: (L, 4) blocked cells (a, b) and (a', b') that are certified to hang together though undecided cells lie
+            between them; see ``with_joined_cores``.
         pair_queries: Distances of link pairs that were computed, by their enclosing capsules.
         shape_queries: For how many of them those were too near, so that the real shapes were asked.
     """
@@ -53,11 +55,13 @@ class CoordinationChart:
     length_a: float
     length_b: float
     d_min: float
+    joined: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
     pair_queries: int = 0
     shape_queries: int = 0
 
     def __post_init__(self) -> None:
         self.states.setflags(write=False)
+        self.joined.setflags(write=False)
 
     @classmethod
     def build(
@@ -83,7 +87,7 @@ class CoordinationChart:
                 such distances (5e-4 m) plus what they move within half the cell: at 5e-3 few do, at 0 none. Others
                 stay undecided, which planning takes for blocked; bounds are weaker for it.
             tolerance: Largest side of a cell that may stay undecided, in the unit of lambda; there are at most
-                4096 cells along each path.
+                8192 cells along each path.
             shapes: ``capsules`` looks at the enclosing capsules only, which is quicker: what they do not free stays
                 undecided, unless they are the links' shapes themselves.
 
@@ -144,7 +148,11 @@ class CoordinationChart:
     def swapped(self) -> CoordinationChart:
         """The same chart with the arms exchanged."""
         return CoordinationChart(
-            states=np.ascontiguousarray(self.states.T), length_a=self.length_b, length_b=self.length_a, d_min=self.d_min
+            states=np.ascontiguousarray(self.states.T),
+            length_a=self.length_b,
+            length_b=self.length_a,
+            d_min=self.d_min,
+            joined=self.joined[:, [1, 0, 3, 2]],
         )
 
     @cached_property
@@ -172,7 +180,7 @@ class CoordinationChart:
     @cached_property
     def cores(self) -> tuple[CollisionRegion, ...]:
         """Likewise of cells that are certified blocked: whatever the others are, nothing gets through these."""
-        return collision_regions(self.states == BLOCKED, self.step_a, self.step_b)
+        return collision_regions(self.states == BLOCKED, self.step_a, self.step_b, self.joined)
 
     @property
     def regions(self) -> int:

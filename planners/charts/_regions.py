@@ -18,6 +18,7 @@ from scipy import ndimage
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.robots import inlined
 
+TOUCHING = np.ones((3, 3))  # at corners at least
 CELL_BORDER_ROUNDING = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 
 
@@ -71,7 +72,9 @@ def _over_whole_path(limit: Floats, begin: int, cells: int) -> Floats:
     return whole
 
 
-def collision_regions(occupied: Bools, step_a: float, step_b: float) -> tuple[CollisionRegion, ...]:
+def collision_regions(
+    occupied: Bools, step_a: float, step_b: float, joined: Ints | None = None
+) -> tuple[CollisionRegion, ...]:
     """The regions of a chart, in the order in which they begin along path a.
 
     Args:
@@ -79,19 +82,26 @@ def collision_regions(occupied: Bools, step_a: float, step_b: float) -> tuple[Co
             are of one region.
         step_a: Side of a cell along path a.
         step_b: Side of a cell along path b.
+        joined: (L, 4) cells (a, b, a', b') of which each two are of one region, too, though they do not touch.
     """
     rows, columns = (np.flatnonzero(occupied.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return ()
     first_a, first_b = int(rows[0]), int(columns[0])
     # Sought in the box that holds all of them: labels of a whole chart are many.
-    labels, _ = ndimage.label(occupied[first_a : rows[-1] + 1, first_b : columns[-1] + 1], structure=np.ones((3, 3)))
+    labels, _ = ndimage.label(occupied[first_a : rows[-1] + 1, first_b : columns[-1] + 1], structure=TOUCHING)
+    for a, b, other_a, other_b in [] if joined is None else joined - np.array([first_a, first_b] * 2):
+        one, other = sorted((labels[a, b], labels[other_a, other_b]))
+        labels[labels == other] = one
     regions = []
-    for label, (a, b) in enumerate(ndimage.find_objects(labels), start=1):
+    for label, box in enumerate(ndimage.find_objects(labels), start=1):
+        if box is None:  # joined to another
+            continue
+        a, b = box
         cells = np.asarray(labels[a, b] == label)
         begin_a, begin_b = first_a + a.start, first_b + b.start
         stop_a, stop_b = begin_a + len(cells), begin_b + cells.shape[1]
-        end_b = stop_b - np.argmax(cells[:, ::-1], axis=1)
+        end_b = np.where(cells.any(axis=1), stop_b - np.argmax(cells[:, ::-1], axis=1), begin_b)
         regions.append(
             CollisionRegion(
                 resolution=len(occupied),
@@ -109,8 +119,8 @@ def collision_regions(occupied: Bools, step_a: float, step_b: float) -> tuple[Co
 
 
 def _limit(cells: Bools, begin: int, step: float) -> Floats:
-    """(C,) over the rows of a region, none of which is empty: the least begin of its cells in this row or a later."""
-    first = np.argmax(cells, axis=1)
+    """(C,) over the rows of a region: the least begin of its cells in this row or a later; only joined have gaps."""
+    first = np.where(cells.any(axis=1), np.argmax(cells, axis=1), cells.shape[1])
     return np.asarray((begin + np.minimum.accumulate(first[::-1])[::-1]) * step, dtype=np.float64)
 
 

@@ -29,7 +29,8 @@ def staircase(region: CollisionRegion, order: int) -> tuple[Ints, Ints]:
     """
     cells = region.cells.T if order else region.cells
     begin, enter = (region.begin_b, region.begin_a) if order else (region.begin_a, region.begin_b)
-    last = np.maximum.accumulate(len(cells) - np.argmax(cells[::-1], axis=0))
+    ends = np.where(cells.any(axis=0), len(cells) - np.argmax(cells[::-1], axis=0), 0)  # joined regions have gaps
+    last = np.maximum.accumulate(ends)
     rises = np.flatnonzero(np.diff(last, prepend=0))
     return begin + last[rises], enter + rises
 

@@ -29,12 +29,12 @@ from armtempo.reading import MOST_MAGNITUDE, parse_json, read_bytes, unpacked_ar
 FILE_VERSION = 1
 LARGEST = 2**29  # bytes of a file, and of its arrays
 LARGEST_HEAD = 2**20  # bytes
-MOST_CELLS = 4096  # along a side of a chart
+MOST_CELLS = 8192  # along a side of a chart
 MOST_JOINTS = 100
 PLANNED_METHODS = ("delay", "offset", "vci", "interval", "optimal")
 COEFFICIENTS = ("grid", "M", "Q", "R", "S", "torque_min", "torque_max", "speed_max")
 ARRAY_NAME = re.compile(
-    rf"head|arm\d{{1,2}}_({'|'.join(COEFFICIENTS)}|bound_(lam|mu|time|share))|(chart|bound)_\d{{1,2}}_\d{{1,2}}(_shape)?"
+    rf"head|arm\d{{1,2}}_({'|'.join(COEFFICIENTS)}|bound_(lam|mu|time|share))|(chart|bound)_\d{{1,2}}_\d{{1,2}}(_(shape|joined))?"
 )
 
 
@@ -132,6 +132,8 @@ def save_instance(file: Path, cell: CoordinationCell, labels: CellLabels, *, fam
         for kind, chart in (("chart", cell.chart_between(i, j)), ("bound", cell.bound_chart_between(i, j))):
             arrays[f"{kind}_{i}_{j}"] = pack_states(chart.states)
             arrays[f"{kind}_{i}_{j}_shape"] = [chart.resolution, chart.length_a, chart.length_b, chart.d_min]
+            if len(chart.joined):
+                arrays[f"{kind}_{i}_{j}_joined"] = chart.joined
     head = {
         "version": FILE_VERSION,
         "name": cell.name,
@@ -223,7 +225,14 @@ def _chart(name: str, arrays: Mapping[str, NDArray[Any]], lengths: tuple[float, 
     states = unpack_states(packed, int(resolution))
     if states.max() > BLOCKED:
         raise ValueError(f"{name} has states that do not exist")
-    return CoordinationChart(states=states, length_a=length_a, length_b=length_b, d_min=d_min)
+    joined = arrays.get(f"{name}_joined", np.empty((0, 4), dtype=np.int64))
+    if joined.dtype != np.int64 or joined.ndim != 2 or joined.shape[1] != 4:
+        raise ValueError(f"{name}_joined has shape {joined.shape}")
+    if len(joined) and not (joined.min() >= 0 and joined.max() < resolution):
+        raise ValueError(f"{name} joins cells outside it")
+    if not (states[joined[:, ::2], joined[:, 1::2]] == BLOCKED).all():
+        raise ValueError(f"{name} joins cells that are not blocked")
+    return CoordinationChart(states=states, length_a=length_a, length_b=length_b, d_min=d_min, joined=joined)
 
 
 def _bound_motion(arrays: Mapping[str, NDArray[Any]], i: int, plane: PhasePlane) -> tuple[PhaseTrajectory, float]:

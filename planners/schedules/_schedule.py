@@ -49,6 +49,11 @@ class Schedule:
         """(makespan - lower bound) / lower bound, in percent."""
         return 100.0 * (self.makespan / self.lower_bound - 1.0)
 
+    @property
+    def planning_gap_percent(self) -> float:
+        """The same above what any plan with the cell's clearance reserve must take, in percent."""
+        return 100.0 * (self.makespan / self.cell.planned_bound - 1.0)
+
     @cached_property
     def precedence(self) -> Precedence:
         """What it decides about who passes first.

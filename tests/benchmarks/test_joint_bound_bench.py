@@ -68,7 +68,26 @@ def test_certificates_of_rings_are_confirmed_and_no_plan_is_below_the_bound(arms
             ]
         for plan in plans:
             with suppress(InfeasibleError):
-                assert makespan(plan()) >= least * (1.0 - 1e-9), cell.name
+                assert makespan(plan()) >= cell.planned_bound * (1.0 - 1e-9) >= least * (1.0 - 2e-9), cell.name
+
+
+def test_a_neck_between_two_regions_is_found_though_no_cell_of_the_chart_is_small_enough() -> None:
+    """Open, it would let arms arrive after 0.746 s."""
+    cell = generate_cell("ring", 1, 8, arms=6).cell
+    assert len(cell.bound_chart_between(1, 2).joined) == 1
+    assert cell.lower_bound == pytest.approx(0.8931, rel=1e-3)
+    assert makespan(optimal(cell.timing)[0]) <= 1.005 * cell.lower_bound
+
+
+def test_a_passage_that_only_the_reserve_shuts_is_told_from_a_bad_plan() -> None:
+    cell = generate_cell("ring", 1, 8, arms=5).cell
+    assert cell.planned_bound > 1.1 * cell.lower_bound
+    assert makespan(optimal(cell.timing)[0]) <= 1.005 * cell.planned_bound
+
+
+def test_eight_arms_that_get_through_in_the_smallest_cells_only() -> None:
+    cell = generate_cell("ring", 1, 5, arms=8).cell
+    assert makespan(optimal(cell.timing)[0]) <= 1.02 * cell.lower_bound
 
 
 def _optimal(cell: CoordinationCell) -> Motions:

@@ -71,8 +71,21 @@ def test_nothing_is_refined_where_nothing_is_to_gain(alone: TimingProblem, why: 
     assert pairs_to_refine(alone.fastest, charts_of({(0, 1): states})) == (), why
 
 
-def test_charts_of_the_most_cells_stay(alone: TimingProblem) -> None:
+def test_charts_of_many_cells_are_refined_only_where_arms_would_not_get_through(alone: TimingProblem) -> None:
     states = np.zeros((4096, 4096), dtype=np.uint8)
     states[2000:2100, 2000:2100] = 1
     chart = CoordinationChart(states=states, length_a=1.0, length_b=1.0, d_min=0.01)
+    for last_resort in (False, True):
+        assert pairs_to_refine(alone.fastest[:2], {(0, 1): chart}, last_resort=last_resort) == ()
+    shut = states.copy()
+    shut[2000] = 1
+    chart = CoordinationChart(states=shut, length_a=1.0, length_b=1.0, d_min=0.01)
     assert pairs_to_refine(alone.fastest[:2], {(0, 1): chart}) == ()
+    assert pairs_to_refine(alone.fastest[:2], {(0, 1): chart}, last_resort=True) == ((0, 1),)
+
+
+def test_of_more_arms_less_is_allowed(alone: TimingProblem) -> None:
+    states = np.kron(block(100, 156), np.ones((4, 4), dtype=np.uint8))
+    states[398:626, 398:626] = np.maximum(states[398:626, 398:626], 1)
+    charts = {(0, 1): CoordinationChart(states=states, length_a=1.0, length_b=1.0, d_min=0.01)}
+    assert [pairs_to_refine(alone.fastest[:arms], charts) for arms in (2, 3)] == [(), ((0, 1),)]

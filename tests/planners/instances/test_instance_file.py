@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 import zipfile
@@ -57,6 +58,27 @@ def test_charts_and_coefficients_come_back(instance: Instance, lee1991: Coordina
     assert instance.timing.bound.time == lee1991.lower_bound
     assert instance.family == "planar"
     assert instance.control_period == lee1991.control_period
+
+
+def joined_in(cell: CoordinationCell, ends: list[int]) -> CoordinationCell:
+    """A copy whose bound's chart says that two cells hang together."""
+    copy = dataclasses.replace(cell)
+    chart = dataclasses.replace(cell.bound_chart_between(0, 1), joined=np.array([ends]))
+    copy.__dict__["_closer_charts"] = {(0, 1, cell.d_min): chart}
+    return copy
+
+
+def test_joined_cells_come_back_and_must_be_blocked(lee1991: CoordinationCell, tmp_path: Path) -> None:
+    states = lee1991.bound_chart_between(0, 1).states
+    blocked, free = np.argwhere(states == 2), np.argwhere(states == 0)
+    file, label = tmp_path / "joined.npz", label_cell(lee1991)
+    ends = [*blocked[0].tolist(), *blocked[-1].tolist()]
+    save_instance(file, joined_in(lee1991, ends), label)
+    assert load_instance(file).timing.bound_chart_between(0, 1).joined.tolist() == [ends]
+    for bad in ([*ends[:2], *free[0].tolist()], [*ends[:3], len(states)], [-1, *ends[1:]]):
+        save_instance(file, joined_in(lee1991, bad), label)
+        with pytest.raises(InputError, match="joins cells"):
+            load_instance(file)
 
 
 @pytest.mark.parametrize("method", ["delay", "vci", "optimal"])
