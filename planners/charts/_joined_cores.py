@@ -70,7 +70,7 @@ def _holding(regions: tuple[CollisionRegion, ...], cell: Ints) -> CollisionRegio
 def _rim(region: CollisionRegion) -> Ints:
     """(K, 2) cells of a region that have neighbours outside it."""
     inner = ndimage.binary_erosion(region.cells, TOUCHING)
-    return np.argwhere(region.cells & ~inner) + np.array([region.begin_a, region.begin_b])
+    return np.asarray(np.argwhere(region.cells & ~inner) + np.array([region.begin_a, region.begin_b]), dtype=np.int64)
 
 
 def _nearest(one: CollisionRegion, other: CollisionRegion) -> Ints:
@@ -78,7 +78,7 @@ def _nearest(one: CollisionRegion, other: CollisionRegion) -> Ints:
     rims = _rim(one), _rim(other)
     apart, which = KDTree(rims[0]).query(rims[1], p=np.inf)
     last = int(np.argmin(apart))
-    return np.stack([rims[0][which[last]], rims[1][last]])
+    return np.stack([rims[0][np.asarray(which)[last]], rims[1][last]])
 
 
 def _apart(ends: Ints) -> int:

@@ -18,7 +18,7 @@ from scipy import ndimage
 from armtempo.arrays import Bools, Floats, Ints
 from armtempo.robots import inlined
 
-TOUCHING = np.ones((3, 3))  # at corners at least
+TOUCHING = np.ones((3, 3), dtype=np.bool_)  # at corners at least
 CELL_BORDER_ROUNDING = 1e-9  # of a cell: an arm on the border of two cells counts as in the earlier one
 
 
@@ -95,7 +95,7 @@ def collision_regions(
         labels[labels == other] = one
     regions = []
     for label, box in enumerate(ndimage.find_objects(labels), start=1):
-        if box is None:  # joined to another
+        if not box:  # none: joined to another
             continue
         a, b = box
         cells = np.asarray(labels[a, b] == label)
