@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import combinations, permutations
-from typing import Any, final
+from typing import Any, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from armtempo.arrays import Floats
 from armtempo.envs.common import is_number
 from armtempo.envs.coordination.shield._admission import admit
+from armtempo.envs.coordination.shield._foresight import run_ahead
 from armtempo.envs.coordination.shield._kernels import (
     CELL_COUNT,
     FIRST_CELL,
@@ -38,6 +39,7 @@ from armtempo.state import Stateful
 ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
 REGIONS_ALL_ORDERS_TRIED = 12  # regions of which all orders are tried
 STOPPING_PLACES = 64  # of a path, before which an arm that brakes is known to stop
+FORESEEN_MINIMUM_TIMES = 12.0  # longest minimum times within which arms that are run ahead must arrive
 BRAKING_MINIMUM_TIMES = 4.0  # longest minimum times within which a braking arm must come to rest
 
 
@@ -161,6 +163,23 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
     )
 
 
+class Foresight(NamedTuple):
+    """What comes of an order at full speed.
+
+    Attributes:
+        orders: (R,) that hold then: what was wanted, or what is nearest to it.
+        arrival: (A,) when each arm arrives [s from now]; inf: not before the horizon.
+    """
+
+    orders: Orders
+    arrival: Floats
+
+    @property
+    def makespan(self) -> float:
+        """When the last arm arrives [s from now]."""
+        return float(self.arrival.max())
+
+
 @final
 class Shield(Stateful):
     """Commands that leave a way out, for the arms of one cell.
@@ -210,6 +229,7 @@ class Shield(Stateful):
         self._scripted[list(scripted)] = True
         self._uncertain = np.zeros(arms, dtype=np.bool_)
         self._admitted = np.zeros(arms)
+        self._longest = FORESEEN_MINIMUM_TIMES * max(motion.duration for motion in cell.fastest)
 
     def reset(self, lam: ArrayLike, uncertain: ArrayLike = False) -> None:
         """Choose who passes first for arms at rest at ``lam`` (A,); ``uncertain`` (A,): arms that may be disturbed.
@@ -265,6 +285,32 @@ class Shield(Stateful):
             self._asked, self.work,
         )  # fmt: skip
         return self.orders.copy()
+
+    def run_ahead(
+        self, wanted: ArrayLike, lam: Floats, mu: Floats, *, stands: Floats, horizon: float = np.inf
+    ) -> Foresight:
+        """What would come of an order if it were asked for now and all arms went on at full speed; nothing changes.
+
+        Args:
+            wanted: As for ``ask``.
+            lam: (A,) places.
+            mu: (A,) path speeds.
+            stands: (A,) for how long each arm brakes and stands first [s].
+            horizon: What takes longer does not count [s].
+
+        Raises:
+            InputError: It is not of these regions.
+        """
+        orders, asked, arrival = self.orders.copy(), self._asked.copy(), np.zeros(len(lam))
+        keep_orders(
+            self._world, self.tables, orders, asked_orders(self.regions, wanted), lam, mu, self._scripted,
+            self._uncertain, self._ticks, asked, self.work,
+        )  # fmt: skip
+        run_ahead(
+            self._world, self.tables, orders.copy(), lam.copy(), mu.copy(), stands, self._scripted, self._uncertain,
+            self._ticks, min(horizon, self._longest), arrival, self.work,
+        )  # fmt: skip
+        return Foresight(orders=orders, arrival=arrival)
 
     def prefer(self, priority: ArrayLike) -> None:
         """From now on let the arm with the higher number (A,) pass first wherever nobody has entered and it leads on.
@@ -414,6 +460,11 @@ class EpisodeShield(Stateful):
     def ask(self, wanted: Precedence | ArrayLike) -> Orders:
         """As ``Shield.ask``, for arms as they are now: the (R,) orders that hold; raises as it does."""
         return self.shield.ask(wanted, self._simulation.lam, self._simulation.mu)
+
+    def run_ahead(self, wanted: ArrayLike, *, stands: Floats, horizon: float = np.inf) -> Foresight:
+        """As ``Shield.run_ahead``, for arms as they are now."""
+        simulation = self._simulation
+        return self.shield.run_ahead(wanted, simulation.lam, simulation.mu, stands=stands, horizon=horizon)
 
     def prefer(self, priority: ArrayLike) -> None:
         """As ``Shield.prefer``."""

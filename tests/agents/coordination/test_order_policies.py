@@ -39,6 +39,31 @@ def test_they_are_quicker_than_the_order_of_the_file(ring: CoordinationCell, mod
     assert max(found.values()) < 0.999 * full_speed
 
 
+def test_running_ahead_tells_when_arms_will_arrive_and_changes_nothing(ring: CoordinationCell) -> None:
+    env = CoordinationEnv(ring, physics="ideal", shield=True)
+    env.reset(seed=0)
+    shield = env.shield
+    assert shield is not None
+    turned = 1 - shield.orders
+    before = shield.get_state()
+    kept, other = (shield.run_ahead(orders, stands=np.zeros(4)) for orders in (shield.orders, turned))
+    late = shield.run_ahead(shield.orders, stands=np.full(4, 0.1))
+    assert not np.isfinite(shield.run_ahead(shield.orders, stands=np.zeros(4), horizon=0.5 * kept.makespan).makespan)
+    np.testing.assert_equal(shield.get_state(), before)
+    assert (kept.orders == shield.orders).all()
+    assert late.makespan == pytest.approx(kept.makespan + 0.1, abs=ring.control_period)
+    shield.ask(other.orders)
+    while env.agents:
+        env.step({agent: np.ones(1, dtype=np.float32) for agent in env.agents})
+    np.testing.assert_allclose(env.simulation.arrival, other.arrival, rtol=1e-9)
+
+
+def test_rollouts_hold_arms_back_instead_of_letting_them_run_into_a_limit() -> None:
+    cell = generate_cell("ring", 778, 0, arms=3).cell
+    env = CoordinationEnv(cell, physics="ideal", shield=True)
+    assert cell.lower_bound <= makespan(env, "rollout") < 0.95 * makespan(env, "search")
+
+
 @pytest.mark.parametrize("name", ORDER_POLICIES)
 def test_all_arrive_whoever_stops_and_the_same_seed_gives_the_same(ring: CoordinationCell, name: str) -> None:
     env = CoordinationEnv(ring, physics="ideal", shield=True, disturbance="all-any", action="speed+priority")
@@ -60,14 +85,14 @@ def test_an_arm_that_stands_is_seen_and_how_long_it_stood() -> None:
     policy.reset()
     while env.agents:
         actions = policy.act({agent: observations[agent] for agent in env.agents}, env)
-        if policy._stood[0]:
+        if policy._stops.stood[0]:
             seen.append(float(env.simulation.time))
-        assert not policy._stood[1]
+        assert not policy._stops.stood[1]
         observations, *_ = env.step(actions)
     period = cell.control_period
     assert begin < seen[0] <= begin + 2.0 * period + 1e-9
     assert end - 1e-9 <= seen[-1] <= end + 2.0 * period
-    assert policy._rests == [pytest.approx(end - begin, abs=2.0 * period)]
+    assert policy._stops.rests == [pytest.approx(end - begin, abs=2.0 * period)]
 
 
 def test_without_a_shield_they_are_not_offered_and_say_what_they_need() -> None:

@@ -9,12 +9,16 @@ import subprocess
 import sys
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from armtempo.configs import data_path
+from armtempo.envs import CoordinationEnv
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, benchmark_instances, build_cell, generate_cell, schedule
+from armtempo.planners.coordination import OrderSearch
 from armtempo.planners.instances import PARTS, CellLabels, GeneratedCell, draw_benchmark, label_cell
+from armtempo.planners.instances._shaping import full_speed_makespan
 
 IN_ANOTHER_PROCESS = """
 import json
@@ -87,10 +91,27 @@ def test_nobody_plans_what_is_certified_infeasible(impossible: GeneratedCell) ->
                 schedule(impossible.cell, method, order=order)
 
 
-def test_rings_have_as_many_arms_as_wanted() -> None:
-    ring = generate_cell("ring", 1, 0, arms=3)
-    assert len(ring.cell.arms) == len(ring.labels.minimum_times) == 3
-    assert ring.data["name"] == "ring3-1-0000"
+@pytest.mark.parametrize(("family", "arms"), [("ring", 3), ("rows", 4), ("fixture", 3), ("ur5e", 3)])
+def test_cells_have_as_many_arms_as_wanted(family: str, arms: int) -> None:
+    drawn = generate_cell(family, 1, 0, arms=arms)
+    assert len(drawn.cell.arms) == len(drawn.labels.minimum_times) == arms
+    assert drawn.data["name"] == f"{family}{arms}-1-0000"
+    assert bool(drawn.data.get("obstacles")) == (family == "fixture")
+
+
+def test_shaped_cells_are_those_in_which_full_speed_is_slower_than_the_optimum() -> None:
+    shaped = generate_cell("shaped", 1, 0).cell
+    env = CoordinationEnv(shaped, physics="ideal", shield=True)
+    env.reset(seed=0)
+    while env.agents:
+        env.step({agent: np.ones(1, dtype=np.float32) for agent in env.agents})
+    optimum = schedule(shaped, "optimal").makespan
+    assert optimum < 0.97 * env.simulation.arrival.max()
+    search = OrderSearch(shaped.passing_orders(), shaped.planes)
+    best, _ = search.best(np.zeros(2), search.times_to_go(np.zeros(2), np.zeros(2)))
+    found = min(full_speed_makespan(shaped, orders) for orders in best)
+    assert optimum < 0.97 * found
+    assert found == pytest.approx(env.simulation.arrival.max(), rel=0.02)  # one order leads on, or is the better one
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
@@ -115,6 +136,12 @@ def test_the_set_is_small_and_split_by_its_rule() -> None:
         assert splits["train"] > splits["test"] >= splits["validation"] >= (0 if family == "iiwa" else 1)
         classes = {one.labels.priority_class for one in benchmark_instances("test", family=family)}
         assert classes >= {"mixed", "uniform"}
+    for arms, least in ((3, 20), (4, 20), (5, 10), (6, 10), (8, 2)):
+        assert sum(one.labels.status == "feasible" for one in benchmark_instances("test", arms=[arms])) >= least
+    assert sum(one.labels.status == "feasible" for one in benchmark_instances("test")) >= 100
+    assert Counter((one.family, one.arms) for one in everything) == {
+        (part.family, part.arms): sum(part.kinds.values()) for part in PARTS
+    }
     with pytest.raises(UnknownNameError, match="validation"):
         benchmark_instances("dev")
     with pytest.raises(UnknownNameError, match="planar"):
