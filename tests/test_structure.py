@@ -76,7 +76,15 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planners/ik/_law.py",
         "planners/ik/_track.py",
     ),
-    "tests/planners/instances/test_generator.py": ("planners/instances/_benchmark_set.py",),
+    "tests/planners/instances/test_generator.py": (
+        "planners/instances/_benchmark_set.py",
+        "planners/instances/_cell_draws.py",
+        "planners/instances/_shaping.py",
+    ),
+    "tests/agents/coordination/test_order_policies.py": (
+        "agents/coordination/_stops_seen.py",
+        "envs/coordination/shield/_foresight.py",
+    ),
     "tests/planners/joint_paths/test_cartesian_joint_path.py": (
         "planners/joint_paths/_cartesian_joint_kernels.py",
         "planners/joint_paths/_pose_path.py",

@@ -46,6 +46,23 @@ class CellChoice:
     arms: Annotated[tuple[int, ...], tyro.conf.arg(metavar="K", help_behavior_hint="(default: any)")] = ()
     """Only cells of so many arms."""
 
+    def instances(self) -> list[BenchmarkInstance]:
+        """The feasible ones; raises InputError if there are none."""
+        from armtempo.planners import benchmark_instances
+
+        family = None if self.family == "all" else self.family
+        chosen = [
+            one
+            for one in benchmark_instances(self.split, family=family, arms=self.arms or None)
+            if one.labels.status == "feasible" and self.priority_class in ("all", one.labels.priority_class)
+        ]
+        if not chosen:
+            raise InputError(
+                f"the {self.split} split has no feasible {self.priority_class} cell of the family {self.family}"
+                + (f" of {', '.join(map(str, self.arms))} arms" if self.arms else "")
+            )
+        return chosen
+
 
 def bench_agents(
     *,
@@ -78,19 +95,8 @@ def bench_agents(
         SplitComparison,
         compare_on,
     )  # late, as the others here: --help is to be quick
-    from armtempo.planners import benchmark_instances
 
-    family = None if choice.family == "all" else choice.family
-    chosen = [
-        one
-        for one in benchmark_instances(choice.split, family=family, arms=choice.arms or None)
-        if one.labels.status == "feasible" and choice.priority_class in ("all", one.labels.priority_class)
-    ]
-    if not chosen:
-        raise InputError(
-            f"the {choice.split} split has no feasible {choice.priority_class} cell of the family {choice.family}"
-            + (f" of {', '.join(map(str, choice.arms))} arms" if choice.arms else "")
-        )
+    chosen = choice.instances()
     output = Output(json_file)
     asked: dict[str, Any] = {
         "episodes": episodes, "seed": seed, "physics": physics,
@@ -112,11 +118,7 @@ def bench_agents(
                 progress.advance(task)
         compared = SplitComparison(cells=tuple(cells), seed=seed)
         what = f"{choice.split}, {choice.priority_class}, {choice.family}, {physics}, disturbance {disturbance}"
-        by_arms = compared.by_arms()
-        for arms, own in by_arms.items():
-            _show(own, policies, f"{arms} arms, {what}", output)
-        if len(by_arms) > 1:
-            _show(compared, policies, what, output)
+        by_arms = _show_by_arms(compared, policies, what, output)
         output.json(
             {
                 "split": choice.split, "class": choice.priority_class, "family": choice.family, "physics": physics,
@@ -128,6 +130,18 @@ def bench_agents(
                 "cells": [one.record() for one in compared.cells],
             }
         )  # fmt: skip
+
+
+def _show_by_arms(
+    compared: SplitComparison, policies: Sequence[str], what: str, output: Output
+) -> dict[int, SplitComparison]:
+    """A table per number of arms, and one of all cells."""
+    by_arms = compared.by_arms()
+    for arms, own in by_arms.items():
+        _show(own, policies, f"{arms} arms, {what}", output)
+    if len(by_arms) > 1:
+        _show(compared, policies, what, output)
+    return by_arms
 
 
 def _show(compared: SplitComparison, policies: Sequence[str], what: str, output: Output) -> None:

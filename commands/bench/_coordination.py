@@ -45,7 +45,7 @@ def bench_coordination(
         json_file: Write every result and the claims there as JSON, units in the keys; "-" for nothing but JSON on
             stdout.
     """
-    from armtempo.planners import METHODS, benchmark_instances  # late, as the others here: --help is to be quick
+    from armtempo.planners import METHODS  # late, as the others here: --help is to be quick
     from armtempo.planners.instances import BenchResult, bench_claims
     from armtempo.planners.schedules import default_engine
 
@@ -54,15 +54,7 @@ def bench_coordination(
             raise UnknownNameError("method", method, METHODS)
     if limit is not None and limit < 1:
         raise InputError(f"--limit must be at least 1, got {limit}")
-    chosen = tuple(
-        one
-        for one in benchmark_instances(None if split == "all" else split, arms=arms or None)
-        if not families or one.family in families
-    )
-    if not chosen:
-        raise InputError(f"the {split} split has no such cells of {', '.join(map(str, arms))} arms")
-    if limit is not None and limit < len(chosen):
-        chosen = tuple(chosen[k * len(chosen) // limit] for k in range(limit))
+    chosen = _chosen(split, families, arms, limit)
     engine = None if audit == "none" else default_engine() if audit == "auto" else audit
     output = Output(json_file)
     arguments = {"cells": [one.name for one in chosen], "methods": methods, "engine": engine}
@@ -96,6 +88,24 @@ def bench_coordination(
                 "results": [result.record() for result in results],
             }
         )
+
+
+def _chosen(
+    split: str, families: Sequence[str], arms: Sequence[int], limit: int | None
+) -> tuple[BenchmarkInstance, ...]:
+    """The cells to plan, if there are such."""
+    from armtempo.planners import benchmark_instances
+
+    chosen = tuple(
+        one
+        for one in benchmark_instances(None if split == "all" else split, arms=arms or None)
+        if not families or one.family in families
+    )
+    if not chosen:
+        raise InputError(f"the {split} split has no such cells of {', '.join(map(str, arms))} arms")
+    if limit is not None and limit < len(chosen):
+        chosen = tuple(chosen[k * len(chosen) // limit] for k in range(limit))
+    return chosen
 
 
 def _planned(instance: BenchmarkInstance, methods: Sequence[str], engine: Engine | None) -> dict[str, Any]:
