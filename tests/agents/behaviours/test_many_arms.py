@@ -8,7 +8,18 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from armtempo.agents import Actions, ExecutionPolicy, Observations, PhasePlanePolicy, Policy, run_episode, to_action
+from armtempo.agents import (
+    COORDINATION_POLICIES,
+    Actions,
+    ExecutionPolicy,
+    Observations,
+    PhasePlanePolicy,
+    Policy,
+    make_policy,
+    run_episode,
+    to_action,
+)
+from armtempo.agents.evaluation import play
 from armtempo.envs import MODES, PHYSICS, CoordinationEnv, CoordinationTrace, Physics, YieldingEnv
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, Schedule
@@ -122,6 +133,18 @@ def test_arms_that_stop_and_go_cost_time_only(cell: CoordinationCell, seed: int)
     assert trace.violations == 0
     assert np.isfinite(trace.makespan)
     assert trace.makespan >= plan.makespan - 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name in COORDINATION_POLICIES if name != "random"])
+def test_everybody_arrives_under_the_shield_whatever_happens(four_arms: CoordinationCell, name: str) -> None:
+    policy = make_policy(name, four_arms)
+    for disturbance in ("all-any", "all-stop-and-go"):
+        env = CoordinationEnv(four_arms, physics="ideal", shield=True, disturbance=disturbance)
+        for seed in range(3):
+            play(env, policy, seed)
+            assert not env.simulation.violated
+            assert np.isfinite(env.simulation.arrival).all()
+        env.close()
 
 
 @pytest.mark.parametrize("mode", MODES)
