@@ -107,7 +107,7 @@ def test_bench_arms() -> None:
         (["bench", "coordination", "--limit", "0"], "--limit must be at least 1"),
         (["bench", "arms", "--arms", "17"], "--arms must be 2 to 16"),
         (["cells", "generate", "--out", "cells", "--count", "0"], "--count must be at least 1"),
-        (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "3"], "give one of 2, 3, 4"),
+        (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "6"], "give one of 2, 3, 4"),
     ],
 )
 def test_wrong_lines(line: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
