@@ -26,7 +26,15 @@ from armtempo.envs.coordination import (
     YieldingEnv,
     YieldingVectorEnv,
 )
-from armtempo.envs.coordination.shield import CHANNELS, REQUESTS, EpisodeShield, Shield, ShieldTrial, shield_trial
+from armtempo.envs.coordination.shield import (
+    CHANNELS,
+    REQUESTS,
+    EpisodeShield,
+    Foresight,
+    Shield,
+    ShieldTrial,
+    shield_trial,
+)
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
     DISTURBANCES,
@@ -57,6 +65,7 @@ __all__ = [
     "IKOptions",
     "BLEND_ENTRIES",
     "DISTURBANCES",
+    "Foresight",
     "COORDINATION_ENTRIES",
     "MAPPINGS",
     "MODES",

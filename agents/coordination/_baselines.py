@@ -122,7 +122,8 @@ class ExecutionPolicy:
         }
 
 
-COORDINATION_POLICIES = ("phase-plane", *METHODS, *ORDER_POLICIES, "random")
+FULL_SPEED = "phase-plane"
+COORDINATION_POLICIES = (FULL_SPEED, *METHODS, *ORDER_POLICIES, "random")
 
 
 def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None) -> Policy[Observations, Actions]:
@@ -137,7 +138,7 @@ def make_policy(name: str, cell: CoordinationCell, plan: Schedule | None = None)
         UnknownNameError: No such policy.
         InfeasibleError: Its schedule does not exist in this cell.
     """
-    if name == "phase-plane":
+    if name == FULL_SPEED:
         return PhasePlanePolicy()
     if name == "random":
         return RandomPolicy()

@@ -10,7 +10,7 @@ from typing import Any, final
 
 import numpy as np
 
-from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, make_policy
+from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, FULL_SPEED, make_policy
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES
 from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
 from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
@@ -20,7 +20,6 @@ from armtempo.errors import InfeasibleError
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
 from armtempo.planners.schedules import clairvoyant
 
-FULL_SPEED = "phase-plane"
 ONLINE = ("vci", "delay", FULL_SPEED, *ORDER_POLICIES)
 """Classical policies that react while they act, or leave that to the shield: agents are held against their best."""
 

@@ -14,6 +14,7 @@ unless another is better by ``BETTER_SHARE`` of the time that is left.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from armtempo.agents.coordination._stops_seen import StopsSeen
 from armtempo.agents.policies import Actions, Observations, action_size, to_action
 from armtempo.arrays import Floats
-from armtempo.envs import CoordinationEnv, EpisodeShield
+from armtempo.envs import CoordinationEnv, EpisodeShield, Foresight
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.coordination import Orders, OrderSearch
@@ -35,17 +36,42 @@ HOLD_SHARES = (0.9, 0.6, 0.3)  # of the time that arms at rest will lose on thei
 Candidates = Callable[[OrderSearch, Floats, Floats, Orders], tuple[Orders, Floats]]
 """From a search, places, times to go and the orders that hold: orders (K, R), prices (K,) [s], the cheapest first."""
 
-_CANDIDATES: Mapping[str, Candidates] = {
-    "search": lambda search, lam, to_go, _: search.best(lam, to_go),
-    "search+stop": lambda search, lam, to_go, _: search.best(lam, to_go),
-    "longest-path": lambda search, lam, to_go, _: search.best_ranks(lam, to_go),
-    "reorder": lambda search, lam, to_go, held: search.turned(
-        lam, to_go, (held, *search.best_ranks(lam, to_go)[0][:1])
-    ),
-    "rollout": lambda search, lam, to_go, _: search.best(lam, to_go),
+
+def _best(search: OrderSearch, lam: Floats, to_go: Floats, _: Orders) -> tuple[Orders, Floats]:
+    return search.best(lam, to_go)
+
+
+def _best_ranks(search: OrderSearch, lam: Floats, to_go: Floats, _: Orders) -> tuple[Orders, Floats]:
+    return search.best_ranks(lam, to_go)
+
+
+def _turned(search: OrderSearch, lam: Floats, to_go: Floats, held: Orders) -> tuple[Orders, Floats]:
+    return search.turned(lam, to_go, (held, *search.best_ranks(lam, to_go)[0][:1]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rule:
+    """How orders are decided.
+
+    Attributes:
+        candidates: Where they come from.
+        expects: That an arm that stands goes on standing.
+        runs_ahead: Candidates are run ahead; else their prices decide.
+    """
+
+    candidates: Candidates
+    expects: bool = False
+    runs_ahead: bool = False
+
+
+_RULES: Mapping[str, _Rule] = {
+    "search": _Rule(candidates=_best),
+    "search+stop": _Rule(candidates=_best, expects=True),
+    "longest-path": _Rule(candidates=_best_ranks),
+    "reorder": _Rule(candidates=_turned),
+    "rollout": _Rule(candidates=_best, expects=True, runs_ahead=True),
 }
-EXPECTING = ("search+stop", "rollout")  # that an arm that stands goes on standing
-ORDER_POLICIES = tuple(_CANDIDATES)
+ORDER_POLICIES = tuple(_RULES)
 
 
 @final
@@ -58,7 +84,7 @@ class OrderPolicy:
     """
 
     def __init__(self, name: str, cell: CoordinationCell) -> None:
-        self._name, self._candidates = name, _CANDIDATES[name]
+        self._name, self._rule = name, _RULES[name]
         self._stops = StopsSeen(cell)
         self._search: OrderSearch | None = None
         self.reset()
@@ -95,18 +121,18 @@ class OrderPolicy:
     def _decide(self, env: CoordinationEnv, shield: EpisodeShield) -> None:
         if self._search is None or self._search.regions is not shield.regions:
             self._search = OrderSearch(shield.regions, env.cell.planes)
-        search, lam = self._search, env.simulation.lam
-        to_go = search.times_to_go(lam, env.simulation.mu)
-        if self._name in EXPECTING:
-            to_go += self._stops.still(env)
-        held = shield.orders
-        candidates = zip(*self._candidates(search, lam, to_go, held), strict=True)
-        if self._name == "rollout":
-            self._run_ahead(env, shield, [orders for orders, _ in candidates], to_go)
+        search, lam, mu = self._search, env.simulation.lam, env.simulation.mu
+        stands = self._stops.still(env) if self._rule.expects else np.zeros(len(lam))
+        to_go = search.times_to_go(lam, mu) + stands
+        candidates, prices = self._rule.candidates(search, lam, to_go, shield.orders)
+        if self._rule.runs_ahead:
+            best = self._quickest(shield, candidates, stands)
+            self._hold_back(env, shield, best, to_go)
             return
+        held = shield.orders
         price = search.price(lam, to_go, held)
         enough = price if self._periods is None else (1.0 - BETTER_SHARE) * price
-        for orders, candidate in candidates:
+        for orders, candidate in zip(candidates, prices, strict=True):
             if candidate >= enough:
                 return
             kept = shield.ask(orders)
@@ -114,27 +140,29 @@ class OrderPolicy:
                 return
             shield.ask(held)
 
-    def _run_ahead(self, env: CoordinationEnv, shield: EpisodeShield, candidates: list[Orders], to_go: Floats) -> None:
-        """Ask for the order that is quickest when run ahead, and hold arms at rest back where that is quicker still."""
-        stands = self._stops.still(env)
-        best = shield.run_ahead(shield.orders, stands=stands)
-        tried, share = {best.orders.tobytes()}, 0.0 if self._periods is None else RUN_BETTER_SHARE
-        enough = (1.0 - share) * best.makespan
-        for wanted in candidates:
-            if len(tried) >= RUNS - len(HOLD_SHARES):
-                break
+    def _quickest(self, shield: EpisodeShield, candidates: Orders, stands: Floats) -> Foresight:
+        """Ask for the order that is quickest when run ahead: the one that holds, or one of the first candidates."""
+        held = shield.orders
+        best = shield.run_ahead(held, stands=stands)
+        enough = best.makespan if self._periods is None else (1.0 - RUN_BETTER_SHARE) * best.makespan
+        others = [orders for orders in candidates if (orders != held).any()]
+        for wanted in others[: RUNS - 1 - len(HOLD_SHARES)]:
             found = shield.run_ahead(wanted, stands=stands, horizon=enough)
             if found.makespan < enough:
                 best, enough = found, found.makespan
-            tried.add(found.orders.tobytes())
         shield.ask(best.orders)
+        return best
+
+    def _hold_back(self, env: CoordinationEnv, shield: EpisodeShield, best: Foresight, to_go: Floats) -> None:
+        """Let arms at rest wait where they are instead of on their way, for as long as is quickest when run ahead."""
         self._held_until[:] = 0.0
         if self._stops.rests or self._stops.stood.any():
-            return  # where arms stop, who holds back is late for what nobody foresees: it costs 1 %
-        late = np.where(env.simulation.mu == 0.0, best.arrival - to_go, 0.0)
-        if late.max() > env.cell.control_period:
-            for holds in (share * late for share in HOLD_SHARES):
-                found = shield.run_ahead(best.orders, stands=np.maximum(stands, holds), horizon=best.makespan)
-                if found.makespan < best.makespan:
-                    best = found
-                    self._held_until = env.simulation.time + holds
+            return  # where arms stop, who holds back is late for what nobody foresees
+        late = np.where(env.simulation.mu == 0.0, np.maximum(best.arrival - to_go, 0.0), 0.0)
+        if late.max() <= env.cell.control_period:
+            return
+        for holds in (share * late for share in HOLD_SHARES):
+            found = shield.run_ahead(best.orders, stands=holds, horizon=best.makespan)
+            if found.makespan < best.makespan:
+                best = found
+                self._held_until = env.simulation.time + holds

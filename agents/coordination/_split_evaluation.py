@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Self
 
 import numpy as np
 
-from armtempo.agents.coordination._baselines import ExecutionPolicy, PhasePlanePolicy
-from armtempo.agents.coordination._kind import FULL_SPEED, ONLINE, CoordinationRunner, clairvoyant_makespans
-from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
+from armtempo.agents.coordination._baselines import FULL_SPEED, make_policy
+from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans
 from armtempo.agents.coordination._result import safe_makespan
 from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
 from armtempo.envs import CoordinationEnv, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
-from armtempo.planners import CoordinationCell, execution_of, schedule
+from armtempo.planners import METHODS, CoordinationCell, schedule
 
 OPTIMAL = "optimal"
 SPLIT_POLICIES = (*ONLINE, OPTIMAL)
@@ -219,15 +217,11 @@ def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | 
     """A policy for a cell; None where it has no plan."""
     if is_agent_name(name):
         return learned_policy(name, env)
-    if name == FULL_SPEED:
-        return PhasePlanePolicy()
-    if name in ORDER_POLICIES:
-        return OrderPolicy(name, env.cell)
     try:
-        plan = schedule(env.cell, name, order="best")
+        plan = schedule(env.cell, name, order="best") if name in METHODS else None
     except InfeasibleError:
         return None
-    return ExecutionPolicy(partial(execution_of, plan))
+    return make_policy(name, env.cell, plan)
 
 
 def _known(env: CoordinationEnv, episodes: int, seed: int) -> tuple[float, ...] | None:

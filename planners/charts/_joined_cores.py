@@ -51,8 +51,9 @@ def with_joined_cores(
 def _narrow_places(chart: CoordinationChart) -> list[tuple[int, int, Ints]]:
     """Which two cores only undecided cells keep apart, and their nearest cells (2, 2); the narrowest places first."""
     found = []
-    for (m, one), (n, other) in combinations(enumerate(chart.cores), 2):
-        ends = _nearest(one, other)
+    rims = [_rim(core) for core in chart.cores]
+    for m, n in combinations(range(len(rims)), 2):
+        ends = _nearest(rims[m], rims[n])
         if _apart(ends) <= WIDEST and _holding(chart.components, ends[0]) is _holding(chart.components, ends[1]):
             found.append((m, n, ends))
     return sorted(found, key=lambda place: _apart(place[2]))
@@ -73,12 +74,11 @@ def _rim(region: CollisionRegion) -> Ints:
     return np.asarray(np.argwhere(region.cells & ~inner) + np.array([region.begin_a, region.begin_b]), dtype=np.int64)
 
 
-def _nearest(one: CollisionRegion, other: CollisionRegion) -> Ints:
-    """(2, 2) a cell of each, as near to each other as there are."""
-    rims = _rim(one), _rim(other)
-    apart, which = KDTree(rims[0]).query(rims[1], p=np.inf)
+def _nearest(one: Ints, other: Ints) -> Ints:
+    """(2, 2) a cell of each of (K, 2) and (L, 2), as near to each other as there are."""
+    apart, which = KDTree(one).query(other, p=np.inf)
     last = int(np.argmin(apart))
-    return np.stack([rims[0][np.asarray(which)[last]], rims[1][last]])
+    return np.stack([one[np.asarray(which)[last]], other[last]])
 
 
 def _apart(ends: Ints) -> int:
@@ -115,7 +115,7 @@ def _is_neck(
         one, other = (_holding(cores, first) for first, _ in cells)
         if one is other:
             return True
-        ends = _nearest(one, other)
+        ends = _nearest(_rim(one), _rim(other))
         whole = collision_regions(states != FREE, step[0], step[1])
         now = float(np.abs((ends[1] - ends[0]) * step / length).max())
         if _holding(whole, ends[0]) is not _holding(whole, ends[1]) or now > WORTH_WHILE * apart:

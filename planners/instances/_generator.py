@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
@@ -197,14 +197,9 @@ def generate_cell(family: str, seed: int, index: int, *, arms: int | None = None
         except (PathError, CollisionError, InfeasibleError) as error:
             rejected[_reason(error)] += 1
             continue
-        if not _conflicts(cell):
-            rejected["the arms do not meet"] += 1
-            continue
-        if not _well_posed(cell):
-            rejected["the minimum time depends on the grid"] += 1
-            continue
-        if family == "shaped" and not shaping_pays(cell):
-            rejected["shaping does not pay"] += 1
+        wrong = next((words for words, good in _wanted(family).items() if not good(cell)), None)
+        if wrong is not None:
+            rejected[wrong] += 1
             continue
         labels = label_cell(cell)
         return GeneratedCell(
@@ -237,6 +232,17 @@ def _reason(error: ArmtempoError) -> str:
         if "path of arm" in error.message
         else "the arms start or end too close"
     )
+
+
+def _wanted(family: str) -> dict[str, Callable[[CoordinationCell], bool]]:
+    """What a cell must be, one after the other, by the words for a draw that is not."""
+    wanted: dict[str, Callable[[CoordinationCell], bool]] = {
+        "the arms do not meet": _conflicts,
+        "the minimum time depends on the grid": _well_posed,
+    }
+    if family == "shaped":
+        wanted["shaping does not pay"] = shaping_pays
+    return wanted
 
 
 def _conflicts(cell: CoordinationCell) -> bool:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from armtempo.errors import ArmtempoError, InputError, UnknownNameError, brief
 from armtempo.files import whole_file
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.charts import BLOCKED, CoordinationChart
+from armtempo.planners.charts import BLOCKED, MAX_RESOLUTION, CoordinationChart
 from armtempo.planners.coordination import Motions, TimingProblem, delayed, offset, optimal, plan_vci, prioritised
 from armtempo.planners.instances._generator import CellLabels
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory
@@ -29,7 +29,6 @@ from armtempo.reading import MOST_MAGNITUDE, parse_json, read_bytes, unpacked_ar
 FILE_VERSION = 1
 LARGEST = 2**29  # bytes of a file, and of its arrays
 LARGEST_HEAD = 2**20  # bytes
-MOST_CELLS = 8192  # along a side of a chart
 MOST_JOINTS = 100
 PLANNED_METHODS = ("delay", "offset", "vci", "interval", "optimal")
 COEFFICIENTS = ("grid", "M", "Q", "R", "S", "torque_min", "torque_max", "speed_max")
@@ -215,7 +214,7 @@ def _chart(name: str, arrays: Mapping[str, NDArray[Any]], lengths: tuple[float, 
     """One chart, as large as its paths are long; raises KeyError, ValueError."""
     shape = arrays[f"{name}_shape"]
     resolution, length_a, length_b, d_min = _numbers(f"{name}_shape", shape.tolist(), 4, 0.0, MOST_MAGNITUDE)
-    if not (1 <= resolution <= MOST_CELLS and resolution == int(resolution)):
+    if not (1 <= resolution <= MAX_RESOLUTION and resolution == int(resolution)):
         raise ValueError(f"{name} has {resolution:g} cells along a side")
     if not np.allclose((length_a, length_b), lengths, rtol=1e-6, atol=0.0):
         raise ValueError(f"{name} is of paths of other lengths: {length_a:g} and {length_b:g}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from armtempo.errors import InfeasibleError
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.coordination import Orders, OrderSearch
+from armtempo.planners.coordination import OrderSearch, Precedence
 from armtempo.planners.schedules import PrecedenceExecution, schedule
 from armtempo.planners.topp.kernels import advance
 
@@ -17,22 +17,23 @@ PAYS_SHARE = 0.97  # of the makespan at full speed: an optimum below it is worth
 
 def shaping_pays(cell: CoordinationCell) -> bool:
     """Whether the optimum is below ``PAYS_SHARE`` of full speed in the best of the orders that a search finds."""
-    search = OrderSearch(cell.passing_orders(), cell.planes)
+    regions = cell.passing_orders()
+    search = OrderSearch(regions, cell.planes)
     start = np.zeros(len(cell.arms))
     best, _ = search.best(start, search.times_to_go(start, start))
-    full = min((full_speed_makespan(cell, orders) for orders in best), default=math.inf)
+    full = min((full_speed_makespan(cell, regions.precedence(orders)) for orders in best), default=math.inf)
     try:
         return math.isfinite(full) and schedule(cell, "optimal").makespan < PAYS_SHARE * full
     except InfeasibleError:
         return False
 
 
-def full_speed_makespan(cell: CoordinationCell, orders: Orders) -> float:
-    """Makespan [s] of all arms at full speed, cut back only where ``orders`` (R,) of the cell's regions say to wait.
+def full_speed_makespan(cell: CoordinationCell, precedence: Precedence) -> float:
+    """Makespan [s] of all arms at full speed, cut back only where a precedence says to wait.
 
-    Infinite where the arms come to rest before their ends: the orders do not lead on.
+    Infinite where the arms come to rest before their ends: it does not lead on.
     """
-    execution = PrecedenceExecution(cell, cell.passing_orders().precedence(orders))
+    execution = PrecedenceExecution(cell, precedence)
     lam, mu, arrival = (np.zeros(len(cell.arms)) for _ in range(3))
     none, now = np.empty(0), 0.0
     while True:

@@ -6,13 +6,16 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import imageio.v3 as imageio
 import pytest
 
 from armtempo.commands import main
+from armtempo.commands._generate import generate
+from armtempo.commands.bench._coordination import Family
 from armtempo.planners import benchmark_instances, load_cell
-from armtempo.planners.instances import load_instance
+from armtempo.planners.instances import FAMILIES, SET_FAMILIES, load_instance
 
 
 @pytest.fixture(autouse=True)
@@ -89,6 +92,11 @@ def test_bench_errors(capsys: pytest.CaptureFixture[str]) -> None:
         assert run["needed_torque_reserve"] == pytest.approx(1.0 - 0.99 / (1.0 + 1.31 * run["model_error"]))
     assert runs[0]["off_path_m"] < 1e-7 < runs[2]["off_path_m"]
     assert runs[0]["lost_share"] < runs[2]["lost_share"]
+
+
+def test_families_on_the_command_line_are_those_there_are() -> None:
+    assert set(get_args(Family)) == set(SET_FAMILIES)
+    assert get_args(get_type_hints(generate)["family"]) == FAMILIES
 
 
 def test_bench_arms() -> None:

@@ -6,6 +6,7 @@ from armtempo.envs.coordination.shield._batch import admit_all, draw_shielded
 from armtempo.envs.coordination.shield._kernels import NOBODY_WAITS, Orders
 from armtempo.envs.coordination.shield._shield import (
     EpisodeShield,
+    Foresight,
     Shield,
     asked_orders,
     plan_of,
@@ -18,6 +19,7 @@ from armtempo.envs.coordination.shield._turning import keep_orders
 __all__ = [
     "CHANNELS",
     "EpisodeShield",
+    "Foresight",
     "NOBODY_WAITS",
     "Orders",
     "REQUESTS",

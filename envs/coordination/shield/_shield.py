@@ -287,7 +287,13 @@ class Shield(Stateful):
         return self.orders.copy()
 
     def run_ahead(
-        self, wanted: ArrayLike, lam: Floats, mu: Floats, *, stands: Floats, horizon: float = np.inf
+        self,
+        wanted: Precedence | ArrayLike,
+        lam: Floats,
+        mu: Floats,
+        *,
+        stands: ArrayLike = 0.0,
+        horizon: float = np.inf,
     ) -> Foresight:
         """What would come of an order if it were asked for now and all arms went on at full speed; nothing changes.
 
@@ -295,20 +301,21 @@ class Shield(Stateful):
             wanted: As for ``ask``.
             lam: (A,) places.
             mu: (A,) path speeds.
-            stands: (A,) for how long each arm brakes and stands first [s].
+            stands: (A,) or one for all: for how long each arm brakes and stands first [s].
             horizon: What takes longer does not count [s].
 
         Raises:
-            InputError: It is not of these regions.
+            InputError: It is not of these arms or regions, or times are not such.
         """
+        first, longest = _times(stands, len(lam)), min(_times(horizon, 1)[0], self._longest)
         orders, asked, arrival = self.orders.copy(), self._asked.copy(), np.zeros(len(lam))
         keep_orders(
             self._world, self.tables, orders, asked_orders(self.regions, wanted), lam, mu, self._scripted,
             self._uncertain, self._ticks, asked, self.work,
         )  # fmt: skip
         run_ahead(
-            self._world, self.tables, orders.copy(), lam.copy(), mu.copy(), stands, self._scripted, self._uncertain,
-            self._ticks, min(horizon, self._longest), arrival, self.work,
+            self._world, self.tables, orders.copy(), lam.copy(), mu.copy(), first, self._scripted, self._uncertain,
+            self._ticks, longest, arrival, self.work,
         )  # fmt: skip
         return Foresight(orders=orders, arrival=arrival)
 
@@ -351,6 +358,21 @@ def asked_orders(regions: PassingOrders, wanted: Precedence | ArrayLike) -> Orde
             remedy="give a Precedence, or one number for each collision region",
         )
     return asked.astype(np.int8)
+
+
+def _times(given: ArrayLike, count: int) -> Floats:
+    """(count,) times [s], from as many or one for all; a new array.
+
+    Raises:
+        InputError: They are none.
+    """
+    try:
+        times = np.array(np.broadcast_to(np.asarray(given, dtype=np.float64), (count,)))
+    except (TypeError, ValueError, OverflowError):
+        times = np.full(count, np.nan)
+    if not (times >= 0.0).all():
+        raise InputError(f"times must be {count} numbers >= 0, or one, got {brief(given)}", remedy="give seconds")
+    return times
 
 
 def plan_of(execution: Execution | None) -> Precedence | None:
@@ -461,8 +483,10 @@ class EpisodeShield(Stateful):
         """As ``Shield.ask``, for arms as they are now: the (R,) orders that hold; raises as it does."""
         return self.shield.ask(wanted, self._simulation.lam, self._simulation.mu)
 
-    def run_ahead(self, wanted: ArrayLike, *, stands: Floats, horizon: float = np.inf) -> Foresight:
-        """As ``Shield.run_ahead``, for arms as they are now."""
+    def run_ahead(
+        self, wanted: Precedence | ArrayLike, *, stands: ArrayLike = 0.0, horizon: float = np.inf
+    ) -> Foresight:
+        """As ``Shield.run_ahead``, for arms as they are now; raises as it does."""
         simulation = self._simulation
         return self.shield.run_ahead(wanted, simulation.lam, simulation.mu, stands=stands, horizon=horizon)
 

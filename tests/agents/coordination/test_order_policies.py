@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,20 @@ def test_running_ahead_tells_when_arms_will_arrive_and_changes_nothing(ring: Coo
     while env.agents:
         env.step({agent: np.ones(1, dtype=np.float32) for agent in env.agents})
     np.testing.assert_allclose(env.simulation.arrival, other.arrival, rtol=1e-9)
+
+
+@pytest.mark.parametrize("wrong", [-0.1, np.nan, [0.0, 0.1], np.zeros((2, 4)), "x", None])
+def test_times_that_are_none_are_refused(ring: CoordinationCell, wrong: Any) -> None:
+    env = CoordinationEnv(ring, physics="ideal", shield=True)
+    env.reset(seed=0)
+    shield = env.shield
+    assert shield is not None
+    with pytest.raises(InputError, match="times must be 4 numbers"):
+        shield.run_ahead(shield.orders, stands=wrong)
+    with pytest.raises(InputError, match="times must be 1 numbers"):
+        shield.run_ahead(shield.orders, horizon=wrong)
+    with pytest.raises(InputError, match="order must be"):
+        shield.run_ahead([0, 7])
 
 
 def test_rollouts_hold_arms_back_instead_of_letting_them_run_into_a_limit() -> None:

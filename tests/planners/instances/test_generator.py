@@ -109,7 +109,7 @@ def test_shaped_cells_are_those_in_which_full_speed_is_slower_than_the_optimum()
     assert optimum < 0.97 * env.simulation.arrival.max()
     search = OrderSearch(shaped.passing_orders(), shaped.planes)
     best, _ = search.best(np.zeros(2), search.times_to_go(np.zeros(2), np.zeros(2)))
-    found = min(full_speed_makespan(shaped, orders) for orders in best)
+    found = min(full_speed_makespan(shaped, search.regions.precedence(orders)) for orders in best)
     assert optimum < 0.97 * found
     assert found == pytest.approx(env.simulation.arrival.max(), rel=0.02)  # one order leads on, or is the better one
 
