@@ -31,6 +31,9 @@ COLUMNS = {  # heads and digits of what rows of a curve have, if they have it: t
     "makespan_s": ("makespan [s]", 4),
     "gap_percent": ("to bound [%]", 2),
     "optimum_percent": ("to optimum [%]", 2),
+    "undisturbed_ratio": ("undisturbed", 4),
+    "disturbed_ratio": ("disturbed", 4),
+    "mixed_ratio": ("mixed", 4),
 }
 
 
@@ -82,6 +85,8 @@ def train(
 def _in_words(row: dict[str, Any]) -> str:
     if row.get("optimum_percent") is not None:
         return f"{row['optimum_percent']:+.1f} % to the optimum, {row['violations']} violations"
+    if row.get("mixed_ratio") is not None:
+        return f"{row['mixed_ratio']:.4f} of full speed's makespan"
     return f"reward {number(row['reward'], 3)}"
 
 
@@ -91,7 +96,8 @@ def _tabulate(training: Training, out: Output) -> None:
     table = new_table(
         f"{training.config.name}: {training.config.algorithm}, seed {training.config.seed}",
         "steps are decisions of a learning arm; figures are of episodes as in training"
-        + (", to bound and optimum: undisturbed" if "optimum_percent" in heads else ""),
+        + (", to bound and optimum: undisturbed" if "optimum_percent" in heads else "")
+        + ("; makespans are over those of full speed in the same orders" if "mixed_ratio" in heads else ""),
     )
     for head, _ in heads.values():
         table.add_column(head.replace("[", "\\["), justify="right")

@@ -26,6 +26,7 @@ from armtempo.envs.coordination import (
     YieldingEnv,
     YieldingVectorEnv,
 )
+from armtempo.envs.coordination.graph import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES, graph_space
 from armtempo.envs.coordination.shield import (
     CHANNELS,
     REQUESTS,
@@ -39,6 +40,7 @@ from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
     DISTURBANCES,
     MODES,
+    ORDER_RULES,
     OTHER,
     OTHERS,
     OWN,
@@ -104,9 +106,14 @@ __all__ = [
     "shield_trial",
     "ACTION_MODES",
     "ActionMode",
+    "EDGE_ENTRIES",
     "FeedbackIKEnv",
     "FeedbackIKVectorEnv",
+    "GRAPH_ARMS",
     "IKSimulation",
     "IKTrace",
+    "NODE_ENTRIES",
+    "ORDER_RULES",
+    "graph_space",
     "ik_entries",
 ]

@@ -81,9 +81,23 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planners/instances/_cell_draws.py",
         "planners/instances/_shaping.py",
     ),
+    "tests/envs/coordination/graph/test_view.py": (
+        "envs/coordination/graph/_entries.py",
+        "envs/coordination/graph/_kernels.py",
+        "envs/coordination/graph/_spaces.py",
+    ),
+    "tests/agents/policies/test_graph_network.py": ("agents/training/_graph_policy.py",),
+    "tests/agents/training/test_graph_training.py": (
+        "agents/coordination/_teaching.py",
+        "agents/coordination/_team_training.py",
+        "agents/training/_imitation.py",
+        "agents/training/vec_envs/_team.py",
+    ),
     "tests/agents/coordination/test_order_policies.py": (
-        "agents/coordination/_stops_seen.py",
+        "envs/coordination/shield/_deciding.py",
         "envs/coordination/shield/_foresight.py",
+        "envs/coordination/shield/_keeper.py",
+        "envs/coordination/shield/_stops_seen.py",
     ),
     "tests/planners/joint_paths/test_cartesian_joint_path.py": (
         "planners/joint_paths/_cartesian_joint_kernels.py",
@@ -125,6 +139,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "envs/coordination/_shield_wrappers.py",
         "envs/coordination/shield/_admission.py",
         "envs/coordination/shield/_batch.py",
+        "envs/coordination/shield/_episode_shield.py",
         "envs/coordination/shield/_kernels.py",
         "envs/coordination/shield/_trial.py",
     ),

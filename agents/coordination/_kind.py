@@ -14,7 +14,7 @@ from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, FULL_
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES
 from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
 from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
-from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
+from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy, options_for
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationTrace, disturbed_motion
 from armtempo.errors import InfeasibleError
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
@@ -94,15 +94,19 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         began = time.perf_counter()
         plan = schedule(cell, policy) if policy in METHODS else None
         planning = time.perf_counter() - began if plan is not None else None
+        if is_agent_name(policy):
+            options = options_for(policy, options)
+        taken_over = before is not None and before.env.options == options
         env = (
             before.env
-            if before is not None
+            if before is not None and taken_over
             else CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
         )
         try:
             who = learned_policy(policy, env) if is_agent_name(policy) else make_policy(policy, cell, plan)
         except BaseException:
-            env.close()
+            if not taken_over:
+                env.close()
             raise
         return CoordinationRunner(env=env, policy=who, plan=plan, planning_time_s=planning)
 

@@ -2,10 +2,11 @@
 
 ``search``        the best order of every collision region for itself, by branch and bound (``OrderSearch``)
 ``search+stop``   the same, and an arm that stands is expected to stand for a while: as long as those seen so far did
+``search+hold``   the same, and arms at rest that would have to stop on their way hold back where they are, for as long
+                  as is quickest when it is run ahead under the shield, while no arm stands
 ``longest-path``  the arms in one order, the one whose longest chain of waits is the shortest
 ``reorder``       that order or the one that holds, with single regions turned while that pays
-``rollout``       the best orders of ``search+stop``, each run ahead under the shield; and arms at rest that would have
-                  to stop on their way hold back where they are, if that is quicker, until a stop was seen
+``rollout``       as ``search+hold``, and the best orders are run ahead, too
 
 Each decides when an arm stops or goes, else every ``DECIDE_EVERY`` control periods, and keeps the order that holds
 unless another is better by ``BETTER_SHARE`` of the time that is left.
@@ -19,10 +20,9 @@ from typing import final
 
 import numpy as np
 
-from armtempo.agents.coordination._stops_seen import StopsSeen
 from armtempo.agents.policies import Actions, Observations, action_size, to_action
 from armtempo.arrays import Floats
-from armtempo.envs import CoordinationEnv, EpisodeShield, Foresight
+from armtempo.envs import CoordinationEnv, EpisodeShield
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.coordination import Orders, OrderSearch
@@ -30,8 +30,7 @@ from armtempo.planners.coordination import Orders, OrderSearch
 DECIDE_EVERY = 10  # control periods
 BETTER_SHARE = 0.02
 RUN_BETTER_SHARE = 0.005  # likewise of orders that were run ahead, which is exact but for what nobody knows yet
-RUNS = 7  # of a decision, at most: orders run ahead
-HOLD_SHARES = (0.9, 0.6, 0.3)  # of the time that arms at rest will lose on their way, for which they hold back instead
+RUNS = 3  # orders besides the one that holds that are run ahead, at most
 
 Candidates = Callable[[OrderSearch, Floats, Floats, Orders], tuple[Orders, Floats]]
 """From a search, places, times to go and the orders that hold: orders (K, R), prices (K,) [s], the cheapest first."""
@@ -54,22 +53,25 @@ class _Rule:
     """How orders are decided.
 
     Attributes:
-        candidates: Where they come from.
+        candidates: Where they come from; None: from the shield's own search.
         expects: That an arm that stands goes on standing.
         runs_ahead: Candidates are run ahead; else their prices decide.
+        holds: Arms at rest may hold back.
     """
 
-    candidates: Candidates
+    candidates: Candidates | None = None
     expects: bool = False
     runs_ahead: bool = False
+    holds: bool = False
 
 
 _RULES: Mapping[str, _Rule] = {
-    "search": _Rule(candidates=_best),
-    "search+stop": _Rule(candidates=_best, expects=True),
+    "search": _Rule(),
+    "search+stop": _Rule(expects=True),
+    "search+hold": _Rule(expects=True, holds=True),
     "longest-path": _Rule(candidates=_best_ranks),
     "reorder": _Rule(candidates=_turned),
-    "rollout": _Rule(candidates=_best, expects=True, runs_ahead=True),
+    "rollout": _Rule(candidates=_best, expects=True, runs_ahead=True, holds=True),
 }
 ORDER_POLICIES = tuple(_RULES)
 
@@ -84,16 +86,14 @@ class OrderPolicy:
     """
 
     def __init__(self, name: str, cell: CoordinationCell) -> None:
-        self._name, self._rule = name, _RULES[name]
-        self._stops = StopsSeen(cell)
+        self._name, self._rule, self._arms = name, _RULES[name], len(cell.arms)
         self._search: OrderSearch | None = None
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
         """Forget the episode."""
-        self._stops.reset()
         self._periods: int | None = None
-        self._held_until = np.zeros(len(self._stops.stood))
+        self._held_until = np.zeros(self._arms)
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """Full speed or rest, for those who act; the shield of ``env`` is asked for another order where that pays.
@@ -106,33 +106,41 @@ class OrderPolicy:
             raise InputError(
                 f"{self._name} decides whom a shield lets pass", remedy="make the environment with shield=True"
             )
-        changed = self._stops.look(env, shield)
-        if changed or self._periods is None or self._periods >= DECIDE_EVERY:
+        shield.watch()
+        if shield.stands_changed or self._periods is None or self._periods >= DECIDE_EVERY:
             self._decide(env, shield)
             self._periods = 0
         self._periods += 1
         commands = np.where(env.simulation.time < self._held_until - 0.5 * env.cell.physics_tick, 0.0, 1.0)
-        self._stops.sent(env, commands)
         return {
             agent: to_action(float(commands[int(agent.rsplit("_", 1)[1])]), action_size(env, agent))
             for agent in observations
         }
 
     def _decide(self, env: CoordinationEnv, shield: EpisodeShield) -> None:
+        first = self._periods is None
+        if self._rule.candidates is None:
+            shield.search(expects=self._rule.expects, first=first)
+        else:
+            self._ask(env, shield, self._rule.candidates, first)
+        self._held_until[:] = 0.0
+        if self._rule.holds and not shield.stands.any():  # where an arm stands, who holds back may be the next
+            self._held_until = env.simulation.time + shield.hold_back()
+
+    def _ask(self, env: CoordinationEnv, shield: EpisodeShield, candidates: Candidates, first: bool) -> None:
+        """Ask for the best of the candidates, if it is enough better than the order that holds."""
         if self._search is None or self._search.regions is not shield.regions:
             self._search = OrderSearch(shield.regions, env.cell.planes)
-        search, lam, mu = self._search, env.simulation.lam, env.simulation.mu
-        stands = self._stops.still(env) if self._rule.expects else np.zeros(len(lam))
+        search, lam, mu, held = self._search, env.simulation.lam, env.simulation.mu, shield.orders
+        stands = shield.still() if self._rule.expects else np.zeros(self._arms)
         to_go = search.times_to_go(lam, mu) + stands
-        candidates, prices = self._rule.candidates(search, lam, to_go, shield.orders)
+        found, prices = candidates(search, lam, to_go, held)
         if self._rule.runs_ahead:
-            best = self._quickest(shield, candidates, stands)
-            self._hold_back(env, shield, best, to_go)
+            shield.ask(self._quickest(shield, found, stands, first))
             return
-        held = shield.orders
         price = search.price(lam, to_go, held)
-        enough = price if self._periods is None else (1.0 - BETTER_SHARE) * price
-        for orders, candidate in zip(candidates, prices, strict=True):
+        enough = price if first else (1.0 - BETTER_SHARE) * price
+        for orders, candidate in zip(found, prices, strict=True):
             if candidate >= enough:
                 return
             kept = shield.ask(orders)
@@ -140,29 +148,14 @@ class OrderPolicy:
                 return
             shield.ask(held)
 
-    def _quickest(self, shield: EpisodeShield, candidates: Orders, stands: Floats) -> Foresight:
-        """Ask for the order that is quickest when run ahead: the one that holds, or one of the first candidates."""
+    def _quickest(self, shield: EpisodeShield, candidates: Orders, stands: Floats, first: bool) -> Orders:
+        """The order that is quickest when run ahead: the one that holds, or one of the first candidates."""
         held = shield.orders
         best = shield.run_ahead(held, stands=stands)
-        enough = best.makespan if self._periods is None else (1.0 - RUN_BETTER_SHARE) * best.makespan
+        enough = best.makespan if first else (1.0 - RUN_BETTER_SHARE) * best.makespan
         others = [orders for orders in candidates if (orders != held).any()]
-        for wanted in others[: RUNS - 1 - len(HOLD_SHARES)]:
+        for wanted in others[:RUNS]:
             found = shield.run_ahead(wanted, stands=stands, horizon=enough)
             if found.makespan < enough:
                 best, enough = found, found.makespan
-        shield.ask(best.orders)
-        return best
-
-    def _hold_back(self, env: CoordinationEnv, shield: EpisodeShield, best: Foresight, to_go: Floats) -> None:
-        """Let arms at rest wait where they are instead of on their way, for as long as is quickest when run ahead."""
-        self._held_until[:] = 0.0
-        if self._stops.rests or self._stops.stood.any():
-            return  # where arms stop, who holds back is late for what nobody foresees
-        late = np.where(env.simulation.mu == 0.0, np.maximum(best.arrival - to_go, 0.0), 0.0)
-        if late.max() <= env.cell.control_period:
-            return
-        for holds in (share * late for share in HOLD_SHARES):
-            found = shield.run_ahead(best.orders, stands=holds, horizon=best.makespan)
-            if found.makespan < best.makespan:
-                best = found
-                self._held_until = env.simulation.time + holds
+        return best.orders

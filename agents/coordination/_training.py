@@ -11,10 +11,19 @@ import numpy as np
 
 from armtempo.agents.coordination._baselines import ExecutionPolicy
 from armtempo.agents.coordination._result import safe_makespan
+from armtempo.agents.coordination._teaching import Demonstrations
+from armtempo.agents.coordination._team_training import TeamEvaluator, demonstrations, team_simulations
 from armtempo.agents.evaluation import CurveEvaluator, Row, TrainingTask, beside, run_episode
-from armtempo.agents.policies import Actions, Agent, LearnedPolicy, Observations, Policy
+from armtempo.agents.policies import GRAPH_NAMES, Actions, Agent, LearnedPolicy, Observations, Policy
 from armtempo.configs import BenchmarkFilter, CellConfig, CoordinationTraining, TrainConfig, load_cell_config
-from armtempo.envs import COORDINATION_ENTRIES, CoordinationEnv, CoordinationVectorEnv, Disturbance, YieldingEnv
+from armtempo.envs import (
+    COORDINATION_ENTRIES,
+    BatchSimulation,
+    CoordinationEnv,
+    CoordinationVectorEnv,
+    Disturbance,
+    YieldingEnv,
+)
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, benchmark_instances, build_cell, execution_of, schedule
 
@@ -37,12 +46,44 @@ class CoordinationTask(TrainingTask):
             self.settings["shield"] = True
         if chosen.action != "speed":  # files of before say nothing
             self.settings["action"] = chosen.action
+        if chosen.observation == "graph":
+            self.settings |= {"observation": "graph", "orders": chosen.orders}
         self._drawn = _drawn_options(chosen)
 
     @property
     def entries(self) -> list[str]:
         """Names of the observation's entries."""
-        return [entry.name for entry in COORDINATION_ENTRIES]
+        return GRAPH_NAMES if self._graphs else [entry.name for entry in COORDINATION_ENTRIES]
+
+    @property
+    def _graphs(self) -> bool:
+        return self._chosen.observation == "graph"
+
+    @property
+    def _team_options(self) -> dict[str, Any]:
+        """Of simulations of all arms of a cell."""
+        options = {**self.settings, **self._drawn, "reward": "team"}
+        del options["physics"]
+        return options
+
+    @property
+    def decide_every(self) -> int:
+        """``hold_periods``."""
+        return self._chosen.hold_periods
+
+    def team(self) -> list[BatchSimulation] | None:
+        """Graphs of all cells."""
+        return team_simulations(self._cells, self.config.num_envs, self._team_options) if self._graphs else None
+
+    def demonstrations(self) -> Demonstrations | None:
+        """Decisions of the teacher, in the cells of the training."""
+        wanted, chosen = self.config.imitation, self._chosen
+        if wanted is None:
+            return None
+        return demonstrations(
+            self._cells, wanted.decisions, self._team_options, hold_periods=chosen.hold_periods,
+            undisturbed_share=chosen.undisturbed_share, seed=self.config.seed,
+        )  # fmt: skip
 
     @property
     def cut_penalty(self) -> float:
@@ -76,8 +117,16 @@ class CoordinationTask(TrainingTask):
             return None
         return CoordinationEnv(self._cell(turn), **self.settings, **self._drawn)
 
-    def evaluator(self) -> CoordinationEvaluator:
-        """Makespans, undisturbed ones against bound and optimum."""
+    def evaluator(self) -> CurveEvaluator:
+        """Makespans, undisturbed ones against bound and optimum; of graphs both against full speed."""
+        if self._graphs:
+            watched = self._cells
+            if self._chosen.validation is not None:
+                watched = tuple(build_cell(one.config) for one in _instances(self._chosen.validation))
+            return TeamEvaluator(
+                watched[: self.config.evaluation.cells], self._team_options, self.config.evaluation,
+                self._chosen.hold_periods,
+            )  # fmt: skip
         cells = self._cells[: self.config.evaluation.cells]
         return CoordinationEvaluator(
             [CoordinationEnv(cell, record=True, **self.settings, **self._drawn) for cell in cells],
@@ -175,7 +224,7 @@ def _cells_of(chosen: CoordinationTraining, source: Path) -> tuple[CoordinationC
 def _instances(wanted: BenchmarkFilter) -> Sequence[Any]:
     found = [
         instance
-        for instance in benchmark_instances(wanted.split, family=wanted.family)
+        for instance in benchmark_instances(wanted.split, family=wanted.family, arms=wanted.arms)
         if instance.labels.status == "feasible" and wanted.priority_class in (None, instance.labels.priority_class)
     ]
     if not found:

@@ -45,6 +45,10 @@ class CurveEvaluator:
             "episodes": len(rewards),
         }
 
+    def score(self, row: Row) -> float | None:
+        """By what the best row is told, less is better; None: nothing."""
+        return None if row["reward"] is None else -float(row["reward"])
+
     def close(self) -> None:
         """Close the environments."""
         for env in self.envs:
@@ -80,6 +84,19 @@ class TrainingTask(ABC):
     @abstractmethod
     def single(self, turn: int) -> gymnasium.Env[Any, Any]:
         """Environment number ``turn`` of those that run one after another."""
+
+    @property
+    def decide_every(self) -> int:
+        """Control periods for which an agent's action is held."""
+        return 1
+
+    def team(self) -> Sequence[Any] | None:
+        """Simulations in which one row decides for all arms, for ``decide_every`` control periods; None: not here."""
+        return None
+
+    def demonstrations(self) -> Any | None:
+        """What agents are shown first: ``rows``, ``actions`` and ``returns``; None: nothing."""
+        return None
 
     def parallel(self, turn: int) -> Any | None:
         """The same of PettingZoo, where all agents of it learn; None: one agent learns."""

@@ -11,7 +11,8 @@ from armtempo.agents.policies._agent_file import (
     save_agent,
     shipped_agents,
 )
-from armtempo.agents.policies._learned import LearnedPolicy, learned_policy
+from armtempo.agents.policies._graph_network import GRAPH_NAMES, flat_rows, graph_shapes
+from armtempo.agents.policies._learned import LearnedPolicy, learned_policy, options_for
 from armtempo.agents.policies._policy import (
     Actions,
     Observations,
@@ -23,6 +24,7 @@ from armtempo.agents.policies._policy import (
 )
 
 __all__ = [
+    "GRAPH_NAMES",
     "Actions",
     "Agent",
     "AgentHeader",
@@ -32,9 +34,12 @@ __all__ = [
     "RandomPolicy",
     "chosen_policies",
     "find_agent",
+    "flat_rows",
+    "graph_shapes",
     "is_agent_name",
     "learned_policy",
     "load_agent",
+    "options_for",
     "save_agent",
     "shipped_agents",
     "action_size",

@@ -5,7 +5,8 @@ Such a file holds numbers and one JSON text; reading it executes nothing that it
 ``header``               UTF-8 JSON: the fields of ``AgentHeader``, and ``version``
 ``weight_k``, ``bias_k`` float32, of layer k: (out, in) and (out,)
 
-Behind the archive stands a digest of it. Files of version 1 have none: the checksums inside the archive stand in.
+The layers of a ``graph`` are those of ``_graph_network``. Behind the archive stands a digest of it. Files of version 1
+have none: the checksums inside the archive stand in; files before version 3 do not say which network they are of.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any, Literal, final, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armtempo.agents.policies._graph_network import GRAPH_NAMES, graph_sizes, run_graph
 from armtempo.arrays import Floats32
 from armtempo.errors import InputError, UnknownNameError, brief
 from armtempo.files import is_sealed, whole_file, write_sealed
@@ -27,9 +29,10 @@ from armtempo.reading import parse_json, read_bytes, unpacked_arrays, user_path,
 
 Algorithm = Literal["ppo", "sac", "tqc"]
 Learners = Literal["last", "all"]
+Network = Literal["layers", "graph"]
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-VERSION, VERSION_WITHOUT_DIGEST = 2, 1
+VERSION, VERSION_WITHOUT_GRAPHS, VERSION_WITHOUT_DIGEST = 3, 2, 1
 SHIPPED = Path(__file__).parents[1] / "shipped"
 ENVIRONMENT_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 LARGEST = 2**26  # bytes of a file and of its arrays: 16 million numbers
@@ -37,8 +40,10 @@ LARGEST_HEADER = 2**22  # bytes
 ARRAY_NAME = re.compile(r"header|(weight|bias)_\d{1,2}")
 _ACTIVATIONS = ("tanh", "relu")
 HEADER_TYPES: dict[str, Any] = {
-    **dict.fromkeys(("name", "algorithm", "activation", "environment", "command", "config", "armtempo"), str),
-    **dict.fromkeys(("steps", "seed"), int),
+    **dict.fromkeys(
+        ("name", "algorithm", "activation", "environment", "command", "config", "armtempo", "network"), str
+    ),
+    **dict.fromkeys(("steps", "seed", "decide_every"), int),
     **dict.fromkeys(("entries", "cells", "curve"), list),
     "settings": dict,
     "learners": str | None,
@@ -54,6 +59,8 @@ class AgentHeader:
         name: Of its configuration.
         algorithm: ``ppo`` (its actions are clipped to [-1, 1]), ``sac`` or ``tqc`` (theirs go through tanh).
         activation: Between layers: ``tanh`` or ``relu``.
+        network: ``layers``, one after another, or ``graph``, see ``_graph_network``.
+        decide_every: Control periods for which a graph's action is held.
         environment: Of its kind of cell: ``coordination``, ``blend-tracking``, ``feedback-ik``, or another's.
         settings: What the environment was made with, by name.
         learners: Of several arms: the ``last`` one, while the others run at full speed, or ``all``. None for one arm.
@@ -81,6 +88,8 @@ class AgentHeader:
     config: str
     curve: list[dict[str, Any]]
     armtempo: str
+    network: Network = "layers"
+    decide_every: int = 1
 
 
 @final
@@ -109,6 +118,10 @@ class Agent:
             if k + 1 < len(self.layers):
                 x = np.tanh(x) if self.header.activation == "tanh" else np.maximum(x, np.float32(0.0))
         return np.clip(x, -1.0, 1.0) if self.header.algorithm == "ppo" else np.tanh(x)
+
+    def act_on_graph(self, nodes: Floats32, edges: Floats32) -> Floats32:
+        """Deterministic actions (A, n) in [-1, 1] of all arms of a graph: nodes (M, N), edges (M, M, K)."""
+        return np.clip(run_graph(self.layers, self.header.activation, nodes, edges), -1.0, 1.0)
 
 
 def save_agent(path: Path, agent: Agent) -> None:
@@ -139,16 +152,18 @@ def load_agent(path: Path) -> Agent:
         arrays = unpacked_arrays(content, LARGEST, lambda name: ARRAY_NAME.fullmatch(name) is not None)
         header = _header(arrays)
         version = header.pop("version", None)
-        if version == VERSION and not is_sealed(io.BytesIO(content)):
+        if version in (VERSION, VERSION_WITHOUT_GRAPHS) and not is_sealed(io.BytesIO(content)):
             raise InputError("its digest is not that of its content")
     except InputError as error:
         message = f"{path}: not an agent file, or a damaged one: {error.message}"
         raise InputError(message, remedy=remedy) from error
-    if version not in (VERSION, VERSION_WITHOUT_DIGEST):
+    if version not in (VERSION, VERSION_WITHOUT_GRAPHS, VERSION_WITHOUT_DIGEST):
         raise InputError(
             f"{path}: an agent file of version {brief(version)}, and this armtempo reads up to version {VERSION}",
             remedy="use the armtempo that wrote it, or train the agent again",
         )
+    if version != VERSION:
+        header = {"network": "layers", "decide_every": 1, **header}
     wrong = _complaint(header, arrays)
     if wrong:
         raise InputError(f"{path}: a damaged agent file: {wrong}", remedy=remedy)
@@ -177,7 +192,10 @@ def _header(arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
 
 def _complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> str | None:
     """What is wrong with the contents of a file."""
-    return _header_complaint(header) or _layers_complaint(arrays, len(header["entries"]))
+    wrong = _header_complaint(header)
+    if wrong is not None or header["network"] == "layers":
+        return wrong or _layers_complaint(arrays, len(header["entries"]))
+    return _graph_complaint(header, arrays)
 
 
 def _header_complaint(header: dict[str, Any]) -> str | None:
@@ -190,6 +208,8 @@ def _header_complaint(header: dict[str, Any]) -> str | None:
     for name in ("steps", "seed"):
         if not 0 <= header[name] < 2**63:
             return f"its {name} is {brief(header[name])}"
+    if not header["decide_every"] >= 1:
+        return f"its decide_every is {brief(header['decide_every'])}"
     for name in ("entries", "cells"):
         if not all(isinstance(one, str) for one in header[name]):
             return f"its {name} are no names: {brief(header[name])}"
@@ -197,6 +217,8 @@ def _header_complaint(header: dict[str, Any]) -> str | None:
         return "its curve is no list of mappings"
     if header["algorithm"] not in ALGORITHMS or header["activation"] not in _ACTIVATIONS:
         return f"unknown algorithm {brief(header['algorithm'])} or activation {brief(header['activation'])}"
+    if header["network"] not in get_args(Network):
+        return f"unknown network {brief(header['network'])}"
     if not ENVIRONMENT_NAME.fullmatch(header["environment"]) or header["learners"] not in (None, *get_args(Learners)):
         return f"no environment {brief(header['environment'])} or learners {brief(header['learners'])}"
     return None
@@ -219,6 +241,22 @@ def _layers_complaint(arrays: dict[str, NDArray[Any]], width: int) -> str | None
         if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
             return f"layer {k} is not finite"
         width = len(weight)
+    return None
+
+
+def _graph_complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> str | None:
+    if header["algorithm"] != "ppo" or header["entries"] != GRAPH_NAMES:
+        return "its entries are not those of this version's graphs"
+    layers = [(arrays.get(f"weight_{k}"), arrays.get(f"bias_{k}")) for k in range(len(arrays) // 2)]
+    for k, (weight, bias) in enumerate(layers):
+        if weight is None or bias is None:
+            return f"layer {k} is missing"
+        if weight.dtype != np.float32 or bias.dtype != np.float32 or not np.isfinite(weight).all():
+            return f"layer {k} is not of finite float32"
+        if not np.isfinite(bias).all() or bias.shape != weight.shape[:1]:
+            return f"layer {k} has a wrong bias"
+    if graph_sizes([weight.shape for weight, _ in layers if weight is not None]) is None:
+        return "its layers are not those of a graph network"
     return None
 
 

@@ -10,9 +10,11 @@ from armtempo.agents.policies import Agent, AgentHeader
 
 
 def agent_of(model: Any, header: AgentHeader) -> Agent:
-    """The actor of a PPO, SAC or TQC model with a policy of plain layers (``MlpPolicy``)."""
+    """The actor of a PPO, SAC or TQC model with a policy of plain layers (``MlpPolicy``), or of graphs."""
     policy = model.policy
-    if header.algorithm == "ppo":
+    if header.network == "graph":
+        modules = list(policy.actor.layers)
+    elif header.algorithm == "ppo":
         modules = [*policy.mlp_extractor.policy_net, policy.action_net]
     else:
         modules = [*policy.actor.latent_pi, policy.actor.mu]

@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 
+from armtempo.agents.training._graph_policy import GraphPolicy
 from armtempo.configs import PPOConfig, SACConfig, TQCConfig, TrainConfig
 from armtempo.errors import InputError
 
@@ -14,11 +15,12 @@ from armtempo.errors import InputError
 def training_model(config: TrainConfig, env: Any) -> Any:
     """A model of stable-baselines3 (TQC: of sb3-contrib) that has not learnt anything yet."""
     activation = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}[config.network.activation]
-    policy: dict[str, Any] = {"net_arch": list(config.network.sizes), "activation_fn": activation}
+    graphs, sizes = config.network.kind == "graph", list(config.network.sizes)
+    policy: dict[str, Any] = {"activation_fn": activation, ("sizes" if graphs else "net_arch"): sizes}
     common: dict[str, Any] = {"env": env, "seed": config.seed, "device": "cpu", "policy_kwargs": policy}
     match config.algorithm:
         case "ppo":
-            return _ppo(config.ppo, policy, common)
+            return _ppo(config.ppo, policy, common, GraphPolicy if graphs else "MlpPolicy")
         case "sac":
             from stable_baselines3 import SAC
 
@@ -31,12 +33,12 @@ def training_model(config: TrainConfig, env: Any) -> Any:
             return TQC("MlpPolicy", top_quantiles_to_drop_per_net=h.dropped_per_critic, **_off_policy(h, env), **common)
 
 
-def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any]) -> Any:
+def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any], kind: Any) -> Any:
     from stable_baselines3 import PPO
 
     policy["log_std_init"] = h.log_std_start
     model: Any = PPO(
-        "MlpPolicy",
+        kind,
         learning_rate=_schedule(h.learning_rate, h.learning_rate_end),
         n_steps=h.rollout_steps,
         batch_size=h.batch_size,
@@ -50,7 +52,8 @@ def _ppo(h: PPOConfig, policy: dict[str, Any], common: dict[str, Any]) -> Any:
         target_kl=h.target_kl,
         **common,
     )
-    bias = model.policy.action_net.bias
+    actor = model.policy.actor.layers[-1] if kind is GraphPolicy else model.policy.action_net
+    bias = actor.bias
     if len(h.first_action) not in (1, len(bias)):
         raise InputError(
             f"ppo.first_action has {len(h.first_action)} numbers, and an action has {len(bias)}",

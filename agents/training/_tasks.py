@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -35,8 +36,11 @@ def training_env(task: TrainingTask) -> Any:
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    from armtempo.agents.training.vec_envs import ParallelVecEnv, VectorVecEnv
+    from armtempo.agents.training.vec_envs import ParallelVecEnv, TeamVecEnv, VectorVecEnv
 
+    team = task.team()
+    if team is not None:
+        return TeamVecEnv(team, hold_periods=task.decide_every, threads=os.cpu_count() or 1)
     vector: Any = task.vector()
     if vector is not None:
         return VectorVecEnv(vector, task.reward_scale, cut_penalty=task.cut_penalty)

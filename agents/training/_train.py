@@ -7,7 +7,7 @@ import json
 import shlex
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -16,9 +16,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from armtempo import __version__
 from armtempo.agents.evaluation import CurveEvaluator, Row, TrainingTask
-from armtempo.agents.policies import Agent, AgentHeader, save_agent
+from armtempo.agents.policies import Agent, AgentHeader, load_agent, save_agent
 from armtempo.agents.training._checkpoint import checkpoint_for, restore, save_checkpoint
 from armtempo.agents.training._export import agent_of
+from armtempo.agents.training._imitation import imitate
 from armtempo.agents.training._logs import open_logs
 from armtempo.agents.training._model import training_model
 from armtempo.agents.training._signals import HeldSignals
@@ -27,7 +28,7 @@ from armtempo.configs import TrainConfig, bundled_trainings, load_train_config
 from armtempo.errors import InputError
 from armtempo.files import check_output_folder, locked, whole_file
 
-CHECKPOINT, CURVE, AGENT, LOCK = "checkpoint.pt", "curve.csv", "agent.npz", "lock"
+CHECKPOINT, CURVE, AGENT, BEST, LOCK = "checkpoint.pt", "curve.csv", "agent.npz", "best.npz", "lock"
 SAVE_EVERY_S = 30.0  # besides what the configuration says: no more than this is lost
 SAVE_SPARSENESS = 20.0  # times what saving takes: a large replay buffer is saved less often
 
@@ -122,6 +123,8 @@ def _train(
         with open_logs(folder, content.get("logs", {})) as logger, HeldSignals() as signals:
             model.set_logger(logger)
             curve = restore(folder / CHECKPOINT, content, model, _said(config)) if resume else []
+            if config.imitation is not None and not resume:
+                imitate(model, task.demonstrations(), config.imitation, config.seed)
             callback = EvaluationCallback(task, evaluator, folder, curve, signals, on_progress, on_row)
             left = config.total_steps - model.num_timesteps
             if left > 0:
@@ -163,6 +166,8 @@ def _header(task: TrainingTask, steps: int, curve: list[Row]) -> AgentHeader:
         config=config.text,
         curve=[dict(row) for row in curve],
         armtempo=__version__,
+        network=config.network.kind,
+        decide_every=task.decide_every,
     )
 
 
@@ -225,6 +230,9 @@ class EvaluationCallback(BaseCallback):
             self._evaluate(model)
         self._save(model, cut=False)
         agent = agent_of(model, _header(self._task, steps, self._curve))
+        if (self._folder / BEST).exists():
+            best = load_agent(self._folder / BEST)
+            agent = replace(best, header=replace(agent.header, steps=best.header.steps))
         save_agent(self._folder / AGENT, agent)
         if self._signals.received is not None:
             self._signals.pass_on(f"{self._folder / AGENT} is complete")
@@ -232,7 +240,9 @@ class EvaluationCallback(BaseCallback):
 
     def _evaluate(self, model: Any) -> None:
         steps = int(model.num_timesteps)
-        result = self._evaluator.row(agent_of(model, _header(self._task, steps, [])))
+        agent = agent_of(model, _header(self._task, steps, []))
+        result = self._evaluator.row(agent)
+        self._keep_best(agent, result)
         row = {"steps": steps, "seconds": round(time.perf_counter() - self._began, 1), **result}
         self._curve.append(row)
         self._write_curve()
@@ -242,6 +252,14 @@ class EvaluationCallback(BaseCallback):
         model.logger.dump(steps)
         if self._on_row is not None:
             self._on_row(row)
+
+    def _keep_best(self, agent: Agent, result: Row) -> None:
+        """Write the agent where it is better than all before."""
+        if self._task.config.evaluation.select == "last":
+            return
+        score, before = self._evaluator.score(result), [self._evaluator.score(row) for row in self._curve]
+        if score is not None and all(score < one for one in before if one is not None):
+            save_agent(self._folder / BEST, agent)
 
     def _write_curve(self) -> None:
         with whole_file(self._folder / CURVE) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:

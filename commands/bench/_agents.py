@@ -82,8 +82,9 @@ def bench_agents(
 
     Args:
         choice: Which cells.
-        policies: delay, vci, phase-plane (full speed), search, search+stop, longest-path, reorder and rollout on line;
-            optimal (the plan of the undisturbed cell, executed by precedence); agents as ppo:NAME or ppo:FILE.npz.
+        policies: delay, vci, phase-plane (full speed), search, search+stop, search+hold, longest-path, reorder and
+            rollout on line; optimal (the plan of the undisturbed cell, executed by precedence); agents as ppo:NAME or
+            ppo:FILE.npz.
         disturbance: What happens to the first arm, or to all: it starts late, is slow, stops and goes.
         episodes: Per cell and policy; they differ if there is a disturbance.
         seed: Seed of the first episode; the next ones count on from it.

@@ -8,7 +8,7 @@ from armtempo.configs.training._blend import BlendTraining
 from armtempo.configs.training._coordination import BenchmarkFilter, CoordinationTraining, DisturbanceConfig
 from armtempo.configs.training._ik import IKTraining
 from armtempo.configs.training._sweep import SearchedNumber, SweepConfig, SweepValue
-from armtempo.configs.training._train import EvaluationConfig, TrainConfig
+from armtempo.configs.training._train import EvaluationConfig, ImitationConfig, TrainConfig
 
 __all__ = [
     "BenchmarkFilter",
@@ -18,6 +18,7 @@ __all__ = [
     "EnvironmentTraining",
     "EvaluationConfig",
     "IKTraining",
+    "ImitationConfig",
     "NetworkConfig",
     "PPOConfig",
     "SACConfig",

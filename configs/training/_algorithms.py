@@ -18,8 +18,10 @@ def _listed(value: object) -> object:
 class NetworkConfig(FileModel):
     """Layers of the actor, and of every critic."""
 
+    kind: Literal["layers", "graph"] = "layers"
+    """``layers``, one after another; ``graph``: messages along pairs of arms, for observations that are graphs."""
     sizes: Annotated[tuple[Few, ...], Field(max_length=32)] = (64, 64)
-    """Widths of the hidden layers."""
+    """Widths of the hidden layers; of a graph: of the rounds of messages."""
     activation: Literal["tanh", "relu"] = "tanh"
     """Between them."""
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StrictBool, model_validator
 
 from armtempo.configs.schema import FileModel, NonNegative, Positive
-from armtempo.configs.training._base import Count, EnvironmentTraining, File, Share
+from armtempo.configs.training._base import Count, EnvironmentTraining, Few, File, Share
 
 Times = tuple[NonNegative, NonNegative]
 Stops = Annotated[int, Field(ge=0, le=16, strict=True)]
@@ -18,8 +18,10 @@ class BenchmarkFilter(FileModel):
 
     split: Literal["train", "validation", "test"] = "train"
     """Which split."""
-    family: Literal["planar", "panda", "iiwa"] | None = None
-    """Kind of arms; null: all."""
+    family: Literal["planar", "shaped", "panda", "iiwa", "ur5e", "ring", "rows", "fixture"] | None = None
+    """Kind of cells; null: all."""
+    arms: Annotated[tuple[Few, ...], Field(min_length=1)] | None = None
+    """Numbers of arms; null: all."""
     priority_class: Literal["mixed", "uniform"] | None = None
     """Who goes first in the optimum: not the same arm everywhere (mixed), or the same; null: both."""
     most: Count | None = None
@@ -66,8 +68,16 @@ class CoordinationTraining(EnvironmentTraining):
     """What an action has: one number, or two, the second saying whom the shield lets pass first."""
     shield: StrictBool = False
     """Admit only actions from which all arms can still stop in time and go on."""
-    disturbance: Literal["late", "slow", "stop-and-go", "any"] | None = None
-    """A named family of disturbances of the master; null: none."""
+    observation: Literal["local", "graph"] = "local"
+    """What agents see: ``local``, an arm and the two nearest others; ``graph``, all arms and pairs, at once."""
+    orders: Literal["asked", "search", "search+stop"] = "asked"
+    """Who decides the orders of passing under the shield: commands and priorities, or a search on the way."""
+    hold_periods: Few = 1
+    """Of graphs: control periods for which an action is held, one decision of every arm."""
+    disturbance: (
+        Literal["late", "slow", "stop-and-go", "any", "all-late", "all-slow", "all-stop-and-go", "all-any"] | None
+    ) = None
+    """A named family of disturbances of the master, or of all arms; null: none."""
     custom_disturbance: DisturbanceConfig | None = None
     """Or ranges of your own."""
     observation_noise: NonNegative = 0.0
@@ -82,6 +92,8 @@ class CoordinationTraining(EnvironmentTraining):
     """``own``: progress and time of the arm itself; ``team``: of all arms, the same for each."""
     cut_penalty: NonNegative = 0.0
     """What asking for more than the shield lets through costs per step, times what it cuts."""
+    validation: BenchmarkFilter | None = None
+    """Of graphs: cells in which the agent is watched; null: those that it learns in."""
     control_period_s: Positive | None = None
     """Time between two decisions instead of the cells' own [s]."""
 
@@ -97,7 +109,23 @@ class CoordinationTraining(EnvironmentTraining):
             raise ValueError("reward: team needs physics: ideal")
         if self.action == "speed+priority" and not self.shield:
             raise ValueError("action: speed+priority needs shield: true")
+        self._check_graph()
         for key in ("undisturbed_share", "undisturbed_until", "cut_penalty"):
             if self.physics == "bullet" and getattr(self, key):
                 raise ValueError(f"{key}: needs physics: ideal")
         return self
+
+    def _check_graph(self) -> None:
+        if self.observation == "local":
+            for key in ("orders", "hold_periods", "validation"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"{key}: needs observation: graph")
+            return
+        for key, needed in (("shield", True), ("learners", "all"), ("reward", "team"), ("physics", "ideal")):
+            if getattr(self, key) != needed:
+                raise ValueError(f"observation: graph needs {key}: {str(needed).lower()}")
+        if self.orders != "asked" and self.action != "speed":
+            raise ValueError("orders: agents with priorities ask for their own, leave it out")
+        for key in ("observation_noise", "cut_penalty"):
+            if getattr(self, key):
+                raise ValueError(f"{key}: needs observation: local")

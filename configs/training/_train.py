@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from armtempo.configs.schema import CellTitle, FileModel
+from armtempo.configs.schema import CellTitle, FileModel, Positive
 from armtempo.configs.training._algorithms import NetworkConfig, PPOConfig, SACConfig, TQCConfig
-from armtempo.configs.training._base import Count, EnvironmentTraining, Few, SeedNumber
+from armtempo.configs.training._base import Count, EnvironmentTraining, Few, Many, SeedNumber
 from armtempo.configs.training._blend import BlendTraining
 from armtempo.configs.training._coordination import CoordinationTraining
 from armtempo.configs.training._ik import IKTraining
@@ -31,6 +31,23 @@ class EvaluationConfig(FileModel):
     """In no more than so many cells, the first ones."""
     seed: SeedNumber = 10_000
     """Of the first episode."""
+    select: Literal["last", "best"] = "last"
+    """Which agent is kept: the last one, or the best of those that were evaluated."""
+
+
+class ImitationConfig(FileModel):
+    """What an agent is shown before it learns by itself: decisions of a teacher, in episodes as in training."""
+
+    teacher: Literal["search+hold"] = "search+hold"
+    """Who shows it: the policy of that name."""
+    decisions: Many = 20_000
+    """How many it is shown, over all cells together."""
+    passes: Few = 20
+    """How often it goes through them."""
+    batch_size: Few = 256
+    """Decisions per gradient step."""
+    learning_rate: Annotated[Positive, Field(le=10)] = 1e-3
+    """Of Adam."""
 
 
 _ALGORITHMS = ("ppo", "sac", "tqc")
@@ -59,6 +76,8 @@ class TrainConfig(FileModel):
     """Of everything that is drawn."""
     evaluation: EvaluationConfig = EvaluationConfig()
     """How it is watched."""
+    imitation: ImitationConfig | None = None
+    """Who teaches it first, of graphs; null: nobody."""
     network: NetworkConfig = NetworkConfig()
     """Actor and critics."""
     ppo: PPOConfig = PPOConfig()
@@ -119,6 +138,13 @@ class TrainConfig(FileModel):
         for key in _ALGORITHMS:
             if key in self.model_fields_set and key != self.algorithm:
                 raise ValueError(f"{key}: the algorithm is {self.algorithm}; give hyper-parameters of that one alone")
+        graph = self.coordination is not None and self.coordination.observation == "graph"
+        if graph != (self.network.kind == "graph"):
+            raise ValueError("network: kind: graph and coordination: observation: graph go together")
+        if graph and self.algorithm != "ppo":
+            raise ValueError("algorithm: graphs are for ppo")
+        if self.imitation is not None and not graph:
+            raise ValueError("imitation: needs coordination: observation: graph")
         return self
 
 

@@ -20,13 +20,20 @@ from armtempo.envs.common import (
     spread,
 )
 from armtempo.envs.coordination._episode import time_limit
+from armtempo.envs.coordination.graph import GraphView
 from armtempo.envs.coordination.shield import (
     NOBODY_WAITS,
+    OrderKeeper,
     Orders,
+    OrderWork,
     admit_all,
     asked_orders,
     draw_shielded,
+    foreseen,
+    hold_back_all,
     keep_orders,
+    look_all,
+    note_all,
     shield_tables,
     shield_work,
 )
@@ -54,6 +61,7 @@ from armtempo.envs.coordination.world import (
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, Precedence
 from armtempo.planners.cells import as_cell
+from armtempo.planners.coordination import PassingOrders
 from armtempo.state import Stateful
 
 REWARDS = ("own", "team")
@@ -80,6 +88,7 @@ class BatchSimulation(Stateful):
         ticks: (E,) since the start of each episode.
         violated: (E,) whether two arms came closer than ``d_min``.
         observations: (E, A, 21) float32.
+        graph: What all arms see with ``observation="graph"``: its ``graphs`` have (E, ...) arrays; else None.
         rewards: (E, A) of the last step.
         terminated, truncated: (E, A).
         undisturbed: (E,) bool, to be set: whose next episodes draw no disturbance, no lateness and no start phase.
@@ -91,7 +100,7 @@ class BatchSimulation(Stateful):
 
     changing = (
         "_episodes", "observations", "rewards", "terminated", "truncated", "undisturbed", "_orders", "_asked",
-        "_priority", "_uncertain", "shield_cut", "shield_changed", "shield_change",
+        "_priority", "_uncertain", "shield_cut", "shield_changed", "shield_change", "_keeper", "graph",
     )  # fmt: skip
 
     def __init__(
@@ -129,12 +138,16 @@ class BatchSimulation(Stateful):
         self._scratch = [scratch_for(size, A, self.cell.ticks_per_period) for size in sizes]
         self._shield = chosen.shield
         self._tables = self._works = self._regions = None
+        self._keeper: OrderKeeper | None = None
+        self.graph: GraphView | None = None
+        self._order_works: list[OrderWork] = []
         if self._shield:
             self._tables = shield_tables(
                 self.cell, self._world, scripted=scripted, plan=plan, tube_m=chosen.shield_tube_m
             )
             regions, self._regions = len(self._tables.region), self.cell.passing_orders(2.0 * chosen.shield_tube_m)
             self._works = [shield_work(self.cell, regions) for _ in sizes]
+            self._watch(self._regions, chosen, len(sizes))
         self._orders = np.zeros((E, len(self._tables.region) if self._tables is not None else 0), dtype=np.int8)
         self._asked, self._priority = np.full_like(self._orders, NOBODY_WAITS), np.zeros((E, A))
         self._scripted = np.isin(np.arange(A), np.asarray(scripted, dtype=np.int64))
@@ -143,6 +156,14 @@ class BatchSimulation(Stateful):
         self.shield_changed, self.shield_change = np.zeros((E, A), dtype=np.int64), np.zeros((E, A))
         self.seed(None)
         self.reset()
+
+    def _watch(self, regions: PassingOrders, chosen: CoordinationOptions, threads: int) -> None:
+        """See who stands, where an observation or an order depends on it."""
+        keeper = OrderKeeper(self.cell, regions, self.episodes, chosen.orders)
+        if keeper.decides or chosen.observation == "graph":
+            self._keeper, self._order_works = keeper, [keeper.work() for _ in range(threads)]
+        if chosen.observation == "graph":
+            self.graph = GraphView(self.cell, keeper)
 
     @property
     def episodes(self) -> int:
@@ -175,6 +196,11 @@ class BatchSimulation(Stateful):
         own = self._episodes
         return {"late_s": own.late.copy(), "speed": own.speed.copy(), "stops_s": own.stops.copy()}
 
+    @property
+    def stands(self) -> Bools:
+        """(E, A) arms that are seen to stand though they were sent on; nobody where nobody watches."""
+        return np.zeros(self.lam.shape, dtype=np.bool_) if self._keeper is None else self._keeper.seen.stands.copy()
+
     def describe(self, e: int) -> dict[str, Any]:
         """What episode e drew, as the environments' infos have it; right after its reset."""
         return describe(self._episodes, e, self._lengths)
@@ -205,6 +231,23 @@ class BatchSimulation(Stateful):
             self._world, self._episodes, 0, self.episodes, active, self._noise, OTHERS, len(OWN), len(OTHER),
             self._scratch[0], self.observations,
         )  # fmt: skip
+        if self._keeper is not None:
+            for e in np.flatnonzero(active).tolist():
+                self._keeper.forget(e)
+            self._look(0, 0, self.episodes, active)
+
+    def _look(self, k: int, first: int, last: int, active: Bools) -> None:
+        """See who stands in the active ones of episodes first..last - 1, decide their orders, and show them."""
+        keeper, tables, works = self._keeper, self._tables, self._works
+        if keeper is None or tables is None or works is None:
+            return
+        look_all(
+            self._world, tables, keeper.prices, keeper.seen, self._episodes, first, last, active, keeper.decides,
+            keeper.expects(), self._scripted, self._uncertain, self.cell.ticks_per_period, self._orders, self._asked,
+            self._order_works[k], works[k],
+        )  # fmt: skip
+        if self.graph is not None:
+            self.graph.fill(self._world, self._episodes, first, last, active, self._orders, self._order_works[k])
 
     def _draw(self, draws: Draws, active: Bools, late: float) -> None:
         if self._tables is None or self._works is None:
@@ -244,6 +287,28 @@ class BatchSimulation(Stateful):
             )  # fmt: skip
         return self.orders
 
+    def hold_back(self, mask: Bools | None = None) -> Floats:
+        """(E, A) as ``EpisodeShield.hold_back``, of all episodes or those of ``mask`` (E,); others 0.
+
+        Raises:
+            InputError: Nobody watches the episodes.
+        """
+        keeper, tables, works = self._keeper, self._tables, self._works
+        if keeper is None or tables is None or works is None:
+            raise InputError("nobody watches these episodes", remedy='make them with observation="graph"')
+        holds, chosen = np.zeros(self.lam.shape), self._all if mask is None else mask
+        longest = foreseen(self.cell)
+
+        def part(k: int, first: int, last: int) -> None:
+            hold_back_all(
+                self._world, tables, keeper.prices, keeper.seen, self._episodes, first, last, chosen, keeper.expected,
+                self._scripted, self._uncertain, self.cell.ticks_per_period, self._orders, longest, holds,
+                self._order_works[k], works[k],
+            )  # fmt: skip
+
+        self._chunks.run(part)
+        return holds
+
     def step(self, commands: Floats, active: Bools | None = None, priority: Floats | None = None) -> None:
         """Run one control period under ``commands`` (E, A) in [0, 1]; episodes that are not ``active`` stand still.
 
@@ -267,11 +332,14 @@ class BatchSimulation(Stateful):
                     self._admitted, self._works[k],
                 )  # fmt: skip
                 asked = self._admitted
+            if self._keeper is not None:
+                note_all(self._keeper.seen, self._episodes, first, last, active, asked)
             run_periods(
                 self._world, self._episodes, first, last, active, asked, self._d_min, self.reference_time,
                 self.time_limit, self._team, self._noise, OTHERS, len(OWN), len(OTHER), self._scratch[k],
                 self.observations, self.rewards, self.terminated, self.truncated,
             )  # fmt: skip
+            self._look(k, first, last, active)
 
         self._chunks.run(part)
         if self._shield:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
@@ -25,6 +25,7 @@ from armtempo.envs.common import (
     read_seed,
 )
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, agent_names, times_of
+from armtempo.envs.coordination.graph import GraphView, graph_space
 from armtempo.envs.coordination.shield import EpisodeShield
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
@@ -43,7 +44,7 @@ CHECKERS_OPTION = "options"  # PettingZoo's checkers reset every environment wit
 
 
 @final
-class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: ignore[misc]  # untyped library
+class CoordinationEnv(SavedEnv, ParallelEnv[str, Any, Floats32]):  # type: ignore[misc]  # untyped library
     """Arms on given paths in one workspace, one agent per arm (``arm_0``, ``arm_1``, ... in priority order).
 
     **Action**, Box(-1, 1, (1,), float32), for one control period. It can neither break a torque limit nor make the
@@ -118,9 +119,9 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         cell: Name of a bundled cell, a cell file, or a built ``CoordinationCell``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         record: Keep a ``CoordinationTrace``.
-        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``disturbance``,
-            ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``,
-            ``shield_tube_m``, ``max_episode_s``.
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``observation``, ``orders``,
+            ``disturbance``, ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``,
+            ``friction_error``, ``shield``, ``shield_tube_m``, ``max_episode_s``.
 
     Attributes:
         options: The ``CoordinationOptions``.
@@ -160,10 +161,14 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self._episode = Episode(self.cell, self.options, record=record)
         shield, tube_m = self.options.shield, self.options.shield_tube_m
         self.shield = EpisodeShield(self.simulation, tube_m=tube_m) if shield else None
+        self._graph = None
+        if self.shield is not None and self.options.observation == "graph":
+            self._graph = GraphView(self.cell, self.shield.keeper)
         self.possible_agents = agent_names(self.cell.arms)
         self.agents: list[str] = []
         self._full_speed = np.ones(len(self.possible_agents))
-        self.observation_spaces = {agent: observation_space(COORDINATION_ENTRIES) for agent in self.possible_agents}
+        seen = observation_space(COORDINATION_ENTRIES) if self._graph is None else graph_space()
+        self.observation_spaces: dict[str, Space[Any]] = dict.fromkeys(self.possible_agents, seen)
         self.action_spaces = {agent: action_space(self.options.action_size) for agent in self.possible_agents}
         self.np_random, self.np_random_seed = seeding.np_random(None)
 
@@ -181,8 +186,8 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 
-    def observation_space(self, agent: str) -> Box:
-        """Box (21,) float32."""
+    def observation_space(self, agent: str) -> Space[Any]:
+        """Box (21,) float32; a Dict with ``observation="graph"``."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
@@ -191,7 +196,7 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Floats32], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin an episode; the one before is over, also if this raises.
 
         Args:
@@ -213,14 +218,14 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         self._life.start()
         if self.render_mode == "human":
             self.render()
-        rows = self.simulation.observe()
+        rows = self._observe()
         return {agent: rows[i] for i, agent in enumerate(self.agents)}, {
             agent: {"disturbance": copy.deepcopy(drawn)} for agent in self.agents
         }
 
     def step(
         self, actions: dict[str, Floats32]
-    ) -> tuple[dict[str, Floats32], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Run one control period. Arms that have arrived need no action.
 
         Raises:
@@ -247,11 +252,13 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
                 self.shield.prefer(priority)
             commands = self.shield.commands(commands)
         self._episode.step(commands)
-        rows = self.simulation.observe()
+        if self.shield is not None:
+            self.shield.look()
+        rows = self._observe()
         observations, rewards, terminations, truncations, infos = {}, {}, {}, {}, {}
         for agent in self.agents:
             i = self.possible_agents.index(agent)
-            observations[agent] = rows[i].copy()
+            observations[agent] = rows[i]
             rewards[agent], terminations[agent], truncations[agent], infos[agent] = self._episode.outcome(i)
             if self.shield is not None:
                 self.shield.report(i, infos[agent], terminations[agent] or truncations[agent])
@@ -260,6 +267,13 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
+
+    def _observe(self) -> list[Any]:
+        """What every arm sees now; new arrays."""
+        if self._graph is None or self.shield is None:
+            return [row.copy() for row in self.simulation.observe()]
+        self._graph.show(self.shield)
+        return [self._graph.seen_by(i) for i in range(len(self.possible_agents))]
 
     def render(self) -> NDArray[np.uint8] | None:
         """An image (480, 640, 3) uint8 in ``rgb_array``; draws the window in ``human``; nothing without a mode.
@@ -270,8 +284,11 @@ class CoordinationEnv(SavedEnv, ParallelEnv[str, Floats32, Floats32]):  # type: 
         return self._life.render(self.simulation)
 
     def state(self) -> Floats32:
-        """All observations in one vector."""
-        return self.simulation.observe().ravel()
+        """All observations in one vector; of a graph what all arms see, once."""
+        if self._graph is None or self.shield is None:
+            return self.simulation.observe().ravel()
+        self._graph.show(self.shield)
+        return np.concatenate([part[0].ravel() for part in self._graph.graphs])
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""

@@ -32,6 +32,7 @@ from armtempo.envs.common import (
 from armtempo.envs.coordination._batch import BatchSimulation
 from armtempo.envs.coordination._episode import times_of
 from armtempo.envs.coordination._yielding_env import learner_of, others_of
+from armtempo.envs.coordination.graph import Graphs, graph_space, seen_by_all
 from armtempo.envs.coordination.shield import plan_of
 from armtempo.envs.coordination.world import COORDINATION_ENTRIES, CoordinationKeywords, CoordinationOptions
 from armtempo.errors import InputError, brief
@@ -56,6 +57,11 @@ def _begin(simulation: BatchSimulation, mask: Bools, seeds: Seeds | None, late: 
     if seeded.any():
         simulation.seed(seeds, seeded)
     simulation.reset(mask, late)
+
+
+def _seen(options: CoordinationOptions) -> Space[Any]:
+    """Of what one arm sees."""
+    return graph_space() if options.observation == "graph" else observation_space(COORDINATION_ENTRIES)
 
 
 def _late(options: Mapping[str, Any]) -> float | None:
@@ -94,9 +100,11 @@ class YieldingBatch(Batch):
         return self.simulation.cell.name
 
     @property
-    def observations(self) -> Floats32:
-        """(E, 21) now."""
-        return self.simulation.observations[:, self._own].copy()
+    def observations(self) -> Any:
+        """(E, 21) now, or a graph with (E, ...)."""
+        if self.simulation.graph is None:
+            return self.simulation.observations[:, self._own].copy()
+        return self.simulation.graph.seen_by_all([self._own])
 
     @property
     def rewards(self) -> Floats:
@@ -209,8 +217,9 @@ class YieldingVectorEnv(VectorBase[YieldingBatch]):
         )  # fmt: skip
         made_of = {"options": chosen, "learner": own, "others": others, **times_of(self.cell)}
         batch = YieldingBatch(self.simulation, own, each, chosen.shield, made_of)
-        seen, actions = observation_space(COORDINATION_ENTRIES), action_space(chosen.action_size)
-        super().__init__(batch, count, seen=seen, actions=actions, autoreset_mode=autoreset_mode)
+        super().__init__(
+            batch, count, seen=_seen(chosen), actions=action_space(chosen.action_size), autoreset_mode=autoreset_mode
+        )
 
 
 @final
@@ -253,9 +262,12 @@ class CellsBatch(Batch):
         return np.concatenate([getattr(one, name) for one in self.simulations])
 
     @property
-    def observations(self) -> Floats32:
-        """(E, A, 21) now."""
-        return self.gathered("observations")
+    def observations(self) -> Any:
+        """(E, A, 21) now; or the graphs of all arms, (E, ...)."""
+        views = [one.graph for one in self.simulations if one.graph is not None]
+        if not views:
+            return self.gathered("observations")
+        return {name: np.concatenate([getattr(view.graphs, name) for view in views]) for name in Graphs._fields}
 
     @property
     def rewards(self) -> Floats:
@@ -326,11 +338,12 @@ class CellsBatch(Batch):
 class CoordinationVectorEnv(VectorBase[CellsBatch]):
     """E episodes at once of one or several cells with A arms each, for all arms, without physics.
 
-    Observations (E, A, 21), actions (E, A, 1) or, with priorities, (E, A, 2), rewards (E, A): arrays, no names. An
-    episode is over when two arms came too close, all have arrived, or time is up; it begins anew in the same step. Then
-    infos hold ``final_obs`` (E, A, 21) and ``final_info``: ``arrival_s`` (E, A), ``makespan_s``, ``violation``,
-    ``is_success`` (E,), both with a mask (``_final_obs``, ``_final_info``). An arm that has arrived gets reward 0 and
-    is terminated until then. A reset may be given ``master_late_s`` [s].
+    Observations (E, A, 21), or of graphs, which all arms share, ``nodes`` and ``edges`` (E, ...); actions (E, A, 1) or,
+    with priorities, (E, A, 2); rewards (E, A): arrays, no names. An episode is over when two arms came too close, all
+    have arrived, or time is up; it begins anew in the same step. Then infos hold ``final_obs``, as observations are,
+    and ``final_info``: ``arrival_s`` (E, A), ``makespan_s``, ``violation``, ``is_success`` (E,), both with a mask
+    (``_final_obs``, ``_final_info``). An arm that has arrived gets reward 0 and is terminated until then. A reset may
+    be given ``master_late_s`` [s].
 
     Episode k of seed s has the bits of a ``CoordinationEnv`` with ``physics="ideal"`` and seed s + k. A row (see
     ``VectorBase``) is a learner: row ``e L + k`` is learner k of L in episode e.
@@ -387,11 +400,11 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         times = [times_of(one) for one in self.cells]
         made_of = {"options": chosen, "learners": self.learners, "reward": reward, "cells": times}
         batch = CellsBatch(simulations, self.learners, chosen.shield, together, made_of)
-        self.arm_observation_space = observation_space(COORDINATION_ENTRIES)
-        self.arm_action_space = action_space(chosen.action_size)
+        self.arm_observation_space, self.arm_action_space = _seen(chosen), action_space(chosen.action_size)
+        graphs = chosen.observation == "graph"
         super().__init__(
             batch, count,
-            seen=batch_space(self.arm_observation_space, self.arms),
+            seen=graph_space(own=False) if graphs else batch_space(self.arm_observation_space, self.arms),
             actions=batch_space(self.arm_action_space, self.arms),
             autoreset_mode=AutoresetMode.SAME_STEP,
         )  # fmt: skip
@@ -436,8 +449,10 @@ class CoordinationVectorEnv(VectorBase[CellsBatch]):
         """L."""
         return len(self.learners)
 
-    def to_rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """(E, A, ...) to (E L, ...)."""
+    def to_rows(self, values: Any) -> Any:
+        """(E, A, ...) to (E L, ...); graphs (E, ...) to what every learner sees."""
+        if isinstance(values, dict):
+            return seen_by_all(values, self.learners)
         mine = values[:, self.learners]
         return np.ascontiguousarray(mine.reshape(-1, *mine.shape[2:]))
 

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any, ClassVar, Unpack, final
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 
 from armtempo.arrays import Floats32
 from armtempo.envs.bodies import render_modes
 from armtempo.envs.common import SingleAgentEnv, action_space, observation_space, options_of, read_command
 from armtempo.envs.coordination._episode import RESET_OPTIONS, Episode, times_of
+from armtempo.envs.coordination.graph import GraphView, graph_space
 from armtempo.envs.coordination.shield import EpisodeShield, plan_of
 from armtempo.envs.coordination.world import (
     COORDINATION_ENTRIES,
@@ -108,9 +109,9 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
             lead on, give ``optimal``.
         render_mode: ``rgb_array`` (works without a display), ``human`` or None.
         record: Keep a ``CoordinationTrace``.
-        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``disturbance``,
-            ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``, ``friction_error``, ``shield``,
-            ``shield_tube_m``, ``max_episode_s``.
+        options: ``CoordinationOptions`` by keyword: ``physics``, ``mode``, ``action``, ``observation``, ``orders``,
+            ``disturbance``, ``observation_noise``, ``start_phase``, ``master_late_s``, ``model_error``,
+            ``friction_error``, ``shield``, ``shield_tube_m``, ``max_episode_s``.
 
     Attributes:
         options: The ``CoordinationOptions``.
@@ -147,7 +148,6 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         self._own = learner_of(self.cell, learner)
         self._episode = Episode(self.cell, self.options, record=record)
         self.simulation = self._episode.simulation
-        self.observation_space: Box = observation_space(COORDINATION_ENTRIES)  # type: ignore[assignment]
         self.action_space: Box = action_space(self.options.action_size)  # type: ignore[assignment]
         self._full_speed = np.ones(len(self.cell.arms))
         self._others: Execution | None
@@ -158,6 +158,10 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         else:
             raise InputError(f"others is {brief(others)}", remedy="give a name, or an Execution")
         self.shield = self.make_shield(self.options.shield_tube_m) if self.options.shield else None
+        self._graph = None
+        self.observation_space: Space[Any] = observation_space(COORDINATION_ENTRIES)
+        if self.shield is not None and self.options.observation == "graph":
+            self._graph, self.observation_space = GraphView(self.cell, self.shield.keeper), graph_space()
 
     @property
     def learner(self) -> int:
@@ -179,7 +183,7 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         """What happened since the reset; needs ``record=True``."""
         return self.simulation.trace()
 
-    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Floats32, dict[str, Any]]:
+    def _begin(self, options: Mapping[str, Any], seeded: bool) -> tuple[Any, dict[str, Any]]:
         """All arms at the start of their paths, or where they are drawn.
 
         Raises:
@@ -188,12 +192,19 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         drawn = self._episode.reset(self.np_random, seeded, options, self.shield)
         if self._others is not None:
             self._others.reset()
-        return self.simulation.observe()[self._own], {
+        return self._observe(), {
             "master_late_s": drawn["late_s"][0],
             "disturbance": drawn,
         }
 
-    def _run(self, action: Floats32) -> tuple[Floats32, float, bool, bool, dict[str, Any]]:
+    def _observe(self) -> Any:
+        """What the learning arm sees now; new arrays."""
+        if self._graph is None or self.shield is None:
+            return self.simulation.observe()[self._own]
+        self._graph.show(self.shield)
+        return self._graph.seen_by(self._own)
+
+    def _run(self, action: Floats32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         command, _ = read_command(action, self.options.action_size, self.cell.arms[self._own].name)
         if self._others is None:
             commands = self._full_speed.copy()
@@ -203,10 +214,12 @@ class YieldingEnv(SingleAgentEnv[CoordinationSimulation]):
         if self.shield is not None:
             commands = self.shield.commands(commands)
         self._episode.step(commands)
+        if self.shield is not None:
+            self.shield.look()
         reward, terminated, truncated, info = self._episode.outcome(self._own)
         if self.shield is not None:
             self.shield.report(self._own, info, terminated or truncated)
-        return self.simulation.observe()[self._own], reward, terminated, truncated, info
+        return self._observe(), reward, terminated, truncated, info
 
 
 def learner_of(cell: CoordinationCell, learner: str | None) -> int:

@@ -16,7 +16,7 @@ from armtempo.planners.coordination._makespan_bound import (
     PriorityClass,
     pair_bound,
 )
-from armtempo.planners.coordination._order_search import OrderSearch
+from armtempo.planners.coordination._order_search import OrderSearch, order_tables
 from armtempo.planners.coordination._passing_orders import Orders, PassingOrders, PassingRegion
 from armtempo.planners.coordination._precedence import Precedence
 from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
@@ -50,6 +50,7 @@ __all__ = [
     "offset",
     "one_by_one",
     "optimal",
+    "order_tables",
     "pair_bound",
     "pair_is_free",
     "pairs_to_refine",

@@ -60,17 +60,26 @@ class OrderTables(NamedTuple):
 
 
 @njit
+def time_to_go(tables: OrderTables, i: int, place: float, share: float) -> float:
+    """What arm i needs from a place to its end [s]: with this share of full speed, 0 from rest."""
+    at = min(max(place / tables.length[i], 0.0), 1.0) * (PLACES - 1)
+    k = min(int(at), PLACES - 2)
+    t = at - k
+    fast = (1.0 - t) * tables.go[i, 0, k] + t * tables.go[i, 0, k + 1]
+    rest = (1.0 - t) * tables.go[i, 1, k] + t * tables.go[i, 1, k + 1]
+    return share * fast + (1.0 - share) * rest  # type: ignore[no-any-return]
+
+
+@njit
 def fill_times(tables: OrderTables, lam: Floats, mu: Floats, to_go: Floats) -> None:
     """Fill ``to_go`` (A,) [s] for arms at ``lam`` with ``mu`` (A,): between rest and full speed as their speed is."""
     for i in range(lam.shape[0]):
         at = min(max(lam[i] / tables.length[i], 0.0), 1.0) * (PLACES - 1)
         k = min(int(at), PLACES - 2)
         t = at - k
-        fast = (1.0 - t) * tables.go[i, 0, k] + t * tables.go[i, 0, k + 1]
-        rest = (1.0 - t) * tables.go[i, 1, k] + t * tables.go[i, 1, k + 1]
         most = (1.0 - t) * tables.fastest[i, k] + t * tables.fastest[i, k + 1]
         share = min(mu[i] / most, 1.0) if most > 0.0 else 0.0
-        to_go[i] = share * fast + (1.0 - share) * rest
+        to_go[i] = time_to_go(tables, i, lam[i], share)
 
 
 @njit
@@ -134,6 +143,16 @@ def settle(tables: OrderTables, lag: Floats, orders: Orders, delay: Floats) -> b
 
 
 @njit
+def arrivals(tables: OrderTables, to_go: Floats, orders: Orders, delay: Floats, arrival: Floats) -> None:
+    """Fill ``arrival`` (A,), when every arm arrives [s from now]."""
+    arrival[:] = to_go
+    for r in range(orders.shape[0]):
+        if orders[r] != UNDECIDED:
+            i = tables.region[r, orders[r], WAITING]
+            arrival[i] = max(arrival[i], to_go[i] + delay[r])
+
+
+@njit
 def cost(tables: OrderTables, to_go: Floats, orders: Orders, delay: Floats) -> float:
     """Makespan from now [s], and a little of the mean arrival."""
     arms, last, total = to_go.shape[0], 0.0, 0.0
@@ -159,6 +178,20 @@ def force(lag: Floats, orders: Orders) -> bool:
         elif lag[r, 1] == np.inf:
             orders[r] = 0
     return True
+
+
+@njit
+def price(tables: OrderTables, lag: Floats, to_go: Floats, orders: Orders, forced: Orders, delay: Floats) -> float:
+    """The ``cost`` of orders (R,) [s]; infinite where they do not lead on. ``forced`` (R,), ``delay`` (R,): scratch."""
+    forced[:] = orders
+    if not force(lag, forced):
+        return np.inf
+    for r in range(orders.shape[0]):
+        if lag[r, 0] > -np.inf and forced[r] != orders[r]:
+            return np.inf
+    if not settle(tables, lag, forced, delay):
+        return np.inf
+    return cost(tables, to_go, forced, delay)
 
 
 @njit

@@ -16,12 +16,11 @@ from armtempo.planners.coordination._order_kernels import (
     PLACES,
     SETTLED,
     OrderTables,
-    cost,
     fill_times,
     force,
     lags,
+    price,
     search,
-    settle,
 )
 from armtempo.planners.coordination._passing_orders import Orders, PassingOrders
 from armtempo.planners.topp import PhasePlane
@@ -48,9 +47,9 @@ class OrderSearch:
 
     def __init__(self, regions: PassingOrders, planes: Sequence[PhasePlane], *, kept: int = 8) -> None:
         self.regions = regions
-        self._tables = _tables(regions, planes)
+        self._tables = order_tables(regions, planes)
         R = len(regions.regions)
-        self._lag, self._delay = np.zeros((R, 2)), np.zeros(R)
+        self._lag, self._delay, self._forced = np.zeros((R, 2)), np.zeros(R), np.zeros(R, dtype=np.int8)
         self._nodes = np.zeros((NODES, R), dtype=np.int8)
         self._best, self._costs = np.zeros((kept, R), dtype=np.int8), np.zeros(kept)
 
@@ -66,11 +65,7 @@ class OrderSearch:
         return self._price(to_go, np.asarray(orders, dtype=np.int8))
 
     def _price(self, to_go: Floats, orders: Orders) -> float:
-        forced = orders.copy()
-        possible = force(self._lag, forced) and bool((forced == orders)[self._lag[:, 0] > -np.inf].all())
-        if not possible or not settle(self._tables, self._lag, forced, self._delay):
-            return float("inf")
-        return float(cost(self._tables, to_go, forced, self._delay))
+        return float(price(self._tables, self._lag, to_go, orders, self._forced, self._delay))
 
     def best(self, lam: Floats, to_go: Floats) -> tuple[NDArray[np.int8], Floats]:
         """The best orders (K, R) from ``lam`` (A,) on and their prices (K,) [s], the cheapest first; K may be 0."""
@@ -111,7 +106,8 @@ class OrderSearch:
         return np.array([row for _, row in found], dtype=np.int8), np.array([price for price, _ in found])
 
 
-def _tables(regions: PassingOrders, planes: Sequence[PhasePlane]) -> OrderTables:
+def order_tables(regions: PassingOrders, planes: Sequence[PhasePlane]) -> OrderTables:
+    """What compiled loops need of a cell's regions to price orders."""
     lengths, fastest = np.array(regions.lengths), [plane.fastest() for plane in planes]
     go, speed = np.zeros((len(planes), 2, PLACES)), np.zeros((len(planes), PLACES))
     for i, (plane, motion) in enumerate(zip(planes, fastest, strict=True)):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from armtempo.arrays import Bools, Floats32
+from armtempo.arrays import Bools
 from armtempo.envs import CoordinationVectorEnv, VectorBase
 from armtempo.errors import InputError
 
@@ -58,7 +58,7 @@ class VectorVecEnv(VecEnv):
         self._seeds = [drawn + row // self._rows_each for row in range(self.num_envs)]
         return self._seeds
 
-    def reset(self) -> Floats32:
+    def reset(self) -> Any:
         """Start all episodes; uses up the seeds."""
         observations, _ = self.vector.reset(seed=self._seeds[:: self._rows_each])
         self._reset_seeds()
@@ -96,7 +96,7 @@ class VectorVecEnv(VecEnv):
         for e in ended:
             for row in range(e * self._rows_each, (e + 1) * self._rows_each):
                 infos[row] = {name: values[e].item() for name, values in figures.items()} | {
-                    "terminal_observation": last[row].copy(),
+                    "terminal_observation": _row(last, row),
                     "TimeLimit.truncated": bool(cut[row]),
                     "episode": {"r": float(self._returns[row]), "l": int(self._steps[row]), "t": seconds},
                 }
@@ -141,3 +141,10 @@ class VectorVecEnv(VecEnv):
     ) -> list[bool]:
         """There are no Gymnasium wrappers."""
         return [False for _ in self._get_indices(indices)]
+
+
+def _row(observations: Any, row: int) -> Any:
+    """What one row sees, a copy."""
+    if isinstance(observations, dict):
+        return {name: values[row].copy() for name, values in observations.items()}
+    return observations[row].copy()

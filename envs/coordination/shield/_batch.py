@@ -5,6 +5,7 @@ from __future__ import annotations
 from armtempo.arrays import Bools, Floats
 from armtempo.envs.coordination.shield._admission import admit
 from armtempo.envs.coordination.shield._kernels import Orders, ShieldTables, ShieldWork
+from armtempo.envs.coordination.shield._stops_seen import StopsSeen, note_commands
 from armtempo.envs.coordination.shield._turning import first_orders, set_wanted
 from armtempo.envs.coordination.world import START_ATTEMPTS, Draws, Episodes, World, draw
 from armtempo.robots import njit, unlocked
@@ -55,3 +56,11 @@ def admit_all(
                 admitted[e],
                 work,
             )
+
+
+@unlocked
+def note_all(seen: StopsSeen, episodes: Episodes, first: int, last: int, active: Bools, sent: Floats) -> None:
+    """``note_commands`` (E, A) of the active ones of episodes first..last - 1."""
+    for e in range(first, last):
+        if active[e]:
+            note_commands(seen, episodes, e, sent[e])

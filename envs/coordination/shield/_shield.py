@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import combinations, permutations
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,9 +30,9 @@ from armtempo.envs.coordination.shield._kernels import (
     fill_braked,
 )
 from armtempo.envs.coordination.shield._turning import NODES, first_orders, keep_orders, set_wanted
-from armtempo.envs.coordination.world import CoordinationSimulation, World, check_torque_left
+from armtempo.envs.coordination.world import World
 from armtempo.errors import InfeasibleError, InputError, brief
-from armtempo.planners import CoordinationCell, Execution, Precedence, schedule
+from armtempo.planners import CoordinationCell, Precedence, schedule
 from armtempo.planners.coordination import PassingOrders
 from armtempo.state import Stateful
 
@@ -163,6 +163,11 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
     )
 
 
+def foreseen(cell: CoordinationCell) -> float:
+    """Within which time arms that are run ahead must arrive [s]."""
+    return FORESEEN_MINIMUM_TIMES * max(motion.duration for motion in cell.fastest)
+
+
 class Foresight(NamedTuple):
     """What comes of an order at full speed.
 
@@ -201,9 +206,13 @@ class Shield(Stateful):
     Attributes:
         regions: Where two arms can meet, R.
         orders: (R,) int8, who passes first in each, now: 0 its arm a, 1 its arm b, 2 nobody waits (scripted arms).
+        asked: (R,) what is asked for, 2: nothing.
+        scripted, uncertain: (A,) arms that are not changed, and that may be disturbed.
+        ticks: Of a control period.
+        longest: How far ahead arms are run, at most [s].
     """
 
-    changing = ("orders", "_asked", "_priority", "_uncertain")
+    changing = ("orders", "asked", "_priority", "uncertain")
 
     def __init__(
         self,
@@ -219,17 +228,17 @@ class Shield(Stateful):
         self.tables = shield_tables(cell, world, scripted=scripted, plan=plan, tube_m=tube_m)
         self.regions = cell.passing_orders(2.0 * tube_m)
         self.orders = np.zeros(len(self.tables.region), dtype=np.int8)
-        self._asked = np.full_like(self.orders, NOBODY_WAITS)
+        self.asked = np.full_like(self.orders, NOBODY_WAITS)
         self._priority = np.zeros(arms)
         self._world = world
         self.work = shield_work(cell, len(self.orders))
-        self._ticks = cell.ticks_per_period
+        self.ticks = cell.ticks_per_period
         self._planned = plan is not None
-        self._scripted = np.zeros(arms, dtype=np.bool_)
-        self._scripted[list(scripted)] = True
-        self._uncertain = np.zeros(arms, dtype=np.bool_)
+        self.scripted = np.zeros(arms, dtype=np.bool_)
+        self.scripted[list(scripted)] = True
+        self.uncertain = np.zeros(arms, dtype=np.bool_)
         self._admitted = np.zeros(arms)
-        self._longest = FORESEEN_MINIMUM_TIMES * max(motion.duration for motion in cell.fastest)
+        self.longest = foreseen(cell)
 
     def reset(self, lam: ArrayLike, uncertain: ArrayLike = False) -> None:
         """Choose who passes first for arms at rest at ``lam`` (A,); ``uncertain`` (A,): arms that may be disturbed.
@@ -237,12 +246,12 @@ class Shield(Stateful):
         Raises:
             InfeasibleError: From there no passing order leads all arms to their ends.
         """
-        self._uncertain[:] = uncertain
-        self._asked[:], self._priority[:] = NOBODY_WAITS, 0.0
+        self.uncertain[:] = uncertain
+        self.asked[:], self._priority[:] = NOBODY_WAITS, 0.0
         places = np.array(lam, dtype=np.float64)
-        if not first_orders(self._world, self.tables, places, self._scripted, self.orders, self.work):
+        if not first_orders(self._world, self.tables, places, self.scripted, self.orders, self.work):
             names = ", ".join(repr(arm.name) for arm in self.cell.arms)
-            scripted = self._scripted.any() and not self._planned
+            scripted = self.scripted.any() and not self._planned
             raise InfeasibleError(
                 f"the shield finds no passing order in which all arms arrive: {names} from {places.round(4).tolist()}",
                 remedy="let the other arms follow a plan, others='optimal'" if scripted else "start the arms elsewhere",
@@ -251,14 +260,14 @@ class Shield(Stateful):
 
     def doubt_all(self) -> None:
         """From now on any arm may do less than it is told: time goes slower, and periods do not get as far."""
-        self._uncertain[:] = True
+        self.uncertain[:] = True
 
     def admit(self, lam: Floats, mu: Floats, commands: Floats) -> Floats:
         """(A,) the commands that are let through for the next period; a new array."""
-        set_wanted(self.tables, self._asked, self._priority, self.work.wanted)
+        set_wanted(self.tables, self.asked, self._priority, self.work.wanted)
         admit(
-            self._world, self.tables, self.orders, self.work.wanted, lam, mu, commands, self._scripted,
-            self._uncertain, self._ticks, self._admitted, self.work,
+            self._world, self.tables, self.orders, self.work.wanted, lam, mu, commands, self.scripted,
+            self.uncertain, self.ticks, self._admitted, self.work,
         )  # fmt: skip
         return self._admitted.copy()
 
@@ -281,8 +290,8 @@ class Shield(Stateful):
         """
         asked = asked_orders(self.regions, wanted)
         keep_orders(
-            self._world, self.tables, self.orders, asked, lam, mu, self._scripted, self._uncertain, self._ticks,
-            self._asked, self.work,
+            self._world, self.tables, self.orders, asked, lam, mu, self.scripted, self.uncertain, self.ticks,
+            self.asked, self.work,
         )  # fmt: skip
         return self.orders.copy()
 
@@ -307,15 +316,15 @@ class Shield(Stateful):
         Raises:
             InputError: It is not of these arms or regions, or times are not such.
         """
-        first, longest = _times(stands, len(lam)), min(_times(horizon, 1)[0], self._longest)
-        orders, asked, arrival = self.orders.copy(), self._asked.copy(), np.zeros(len(lam))
+        first, longest = _times(stands, len(lam)), min(_times(horizon, 1)[0], self.longest)
+        orders, asked, arrival = self.orders.copy(), self.asked.copy(), np.zeros(len(lam))
         keep_orders(
-            self._world, self.tables, orders, asked_orders(self.regions, wanted), lam, mu, self._scripted,
-            self._uncertain, self._ticks, asked, self.work,
+            self._world, self.tables, orders, asked_orders(self.regions, wanted), lam, mu, self.scripted,
+            self.uncertain, self.ticks, asked, self.work,
         )  # fmt: skip
         run_ahead(
-            self._world, self.tables, orders.copy(), lam.copy(), mu.copy(), first, self._scripted, self._uncertain,
-            self._ticks, longest, arrival, self.work,
+            self._world, self.tables, orders.copy(), lam.copy(), mu.copy(), first, self.scripted, self.uncertain,
+            self.ticks, longest, arrival, self.work,
         )  # fmt: skip
         return Foresight(orders=orders, arrival=arrival)
 
@@ -373,133 +382,3 @@ def _times(given: ArrayLike, count: int) -> Floats:
     if not (times >= 0.0).all():
         raise InputError(f"times must be {count} numbers >= 0, or one, got {brief(given)}", remedy="give seconds")
     return times
-
-
-def plan_of(execution: Execution | None) -> Precedence | None:
-    """What the arms of an execution obey; None: nothing, they run at full speed.
-
-    Raises:
-        InputError: It does not say.
-    """
-    if execution is None:
-        return None
-    plan = getattr(execution, "precedence", None)
-    if not isinstance(plan, Precedence):
-        raise InputError(
-            f"the shield does not know whom {type(execution).__name__} waits for",
-            remedy="give it an attribute 'precedence', a Precedence that its arms obey",
-        )
-    return plan
-
-
-@final
-class EpisodeShield(Stateful):
-    """A shield over a running simulation, and what it changed.
-
-    Args:
-        simulation: The world of an environment.
-        scripted: See ``Shield``.
-        plan: See ``Shield``.
-        tube_m: See ``shield_tables``.
-
-    Raises:
-        InfeasibleError: As ``Shield.reset``, or arms not as planned cannot even go slowly along their paths.
-    """
-
-    changing = ("shield", "_change", "_sum", "_count", "_steps", "_tube")
-
-    def __init__(
-        self,
-        simulation: CoordinationSimulation,
-        *,
-        scripted: Sequence[int] = (),
-        plan: Precedence | None = None,
-        tube_m: float = 0.0,
-    ) -> None:
-        self._simulation = simulation
-        check_torque_left(simulation.cell, simulation.options)
-        self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
-        # Plans keep the reserve between two arms: half of it is for each.
-        self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
-        self.shield.reset(np.zeros(simulation.arms))  # not from where it is: what is drawn there may be drawn again
-        self._clear()
-
-    def check_state(self, state: Mapping[str, Any]) -> None:
-        """Raise InputError for the state of a shield with another tube, too."""
-        super().check_state(state)
-        if state["tube"] != self._tube:
-            raise InputError("the state's tube is another one", remedy="make the shield with the same tube_m")
-
-    def reset(self) -> None:
-        """Begin an episode where the simulation is; raises as ``Shield.reset``."""
-        self.shield.reset(self._simulation.lam, self._simulation.uncertain)
-        self._clear()
-
-    def _clear(self) -> None:
-        arms = self._simulation.arms
-        self._change, self._sum, self._count = np.zeros(arms), np.zeros(arms), np.zeros(arms, dtype=np.int64)
-        self._steps = 0
-
-    def leads_on(self) -> bool:
-        """Whether there is a way on from where the simulation begins."""
-        try:
-            self.shield.reset(self._simulation.lam)
-        except InfeasibleError:
-            return False
-        return True
-
-    def commands(self, commands: Floats) -> Floats:
-        """(A,) what is let through of the commands for the next period."""
-        if self._simulation.clock < 1.0:
-            self.shield.doubt_all()
-        admitted = self.shield.admit(self._simulation.lam, self._simulation.mu, commands)
-        self._change = commands - admitted
-        self._sum += self._change
-        self._count += self._change != 0.0
-        self._steps += 1
-        return admitted
-
-    @property
-    def change(self) -> Floats:
-        """(A,) how much of each command was taken off in the last period."""
-        return self._change.copy()
-
-    @property
-    def orders(self) -> Orders:
-        """(R,) who passes first in each collision region, now; see ``Shield``. A new array."""
-        return self.shield.orders.copy()
-
-    @property
-    def regions(self) -> PassingOrders:
-        """The collision regions, R."""
-        return self.shield.regions
-
-    @property
-    def precedence(self) -> Precedence:
-        """What ``orders`` mean: how far every arm may go while another one is where it is."""
-        return self.shield.precedence
-
-    def ask(self, wanted: Precedence | ArrayLike) -> Orders:
-        """As ``Shield.ask``, for arms as they are now: the (R,) orders that hold; raises as it does."""
-        return self.shield.ask(wanted, self._simulation.lam, self._simulation.mu)
-
-    def run_ahead(
-        self, wanted: Precedence | ArrayLike, *, stands: ArrayLike = 0.0, horizon: float = np.inf
-    ) -> Foresight:
-        """As ``Shield.run_ahead``, for arms as they are now; raises as it does."""
-        simulation = self._simulation
-        return self.shield.run_ahead(wanted, simulation.lam, simulation.mu, stands=stands, horizon=horizon)
-
-    def prefer(self, priority: ArrayLike) -> None:
-        """As ``Shield.prefer``."""
-        self.shield.prefer(priority)
-
-    def report(self, i: int, info: dict[str, Any], over: bool) -> None:
-        """Add to arm i's info what was changed in the last period; when it is over, the sums too."""
-        change, orders = float(self._change[i]), tuple(self.shield.orders.tolist())
-        info["shield"] = {"changed": change != 0.0, "change": change, "orders": orders}
-        if self._simulation.physics == "bullet":
-            info["shield_tube_exceeded"] = not self._simulation.tracking_error().max() <= self._tube
-        if over:
-            info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])
-            info["shield_change"] = float(self._sum[i])

@@ -24,9 +24,13 @@ from armtempo.envs.coordination.world._kernels import observe, run_periods, scra
 from armtempo.envs.coordination.world._options import (
     ACTION_FORMS,
     MODES,
+    OBSERVATION_FORMS,
+    ORDER_RULES,
     ActionForm,
     CoordinationKeywords,
     CoordinationOptions,
+    ObservationForm,
+    OrderRule,
 )
 from armtempo.envs.coordination.world._simulation import CoordinationSimulation, CoordinationTrace
 from armtempo.envs.coordination.world._world import (
@@ -53,6 +57,10 @@ __all__ = [
     "ACTION_FORMS",
     "ActionForm",
     "MODES",
+    "OBSERVATION_FORMS",
+    "ORDER_RULES",
+    "ObservationForm",
+    "OrderRule",
     "OTHER",
     "OTHERS",
     "OWN",

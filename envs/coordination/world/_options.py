@@ -20,9 +20,13 @@ from armtempo.errors import InputError, brief
 from armtempo.planners.topp import Mode
 
 ActionForm = Literal["speed", "speed+priority"]
+ObservationForm = Literal["local", "graph"]
+OrderRule = Literal["asked", "search", "search+stop"]
 
 MODES: tuple[Mode, ...] = get_args(Mode)
 ACTION_FORMS: tuple[ActionForm, ...] = get_args(ActionForm)
+OBSERVATION_FORMS: tuple[ObservationForm, ...] = get_args(ObservationForm)
+ORDER_RULES: tuple[OrderRule, ...] = get_args(OrderRule)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,15 @@ class CoordinationOptions:
 
     action: ActionForm = "speed"
     """What an action has: a "speed" (of that mode), (1,), or "speed+priority", (2,), the other for the shield."""
+
+    observation: ObservationForm = "local"
+    """What agents see: "local", their own arm and the two nearest others; or, under the shield, the "graph" of all
+    arms and pairs with the order in which they pass."""
+
+    orders: OrderRule = "asked"
+    """Who decides the orders of passing under the shield: what is "asked" for, and commands; or the "search" for the
+    order that is quickest if all go on at full speed, made anew on the way; with "search+stop" arms that stand are
+    expected to stand on."""
 
     disturbance: str | Disturbance | None = None
     """What goes wrong with the first arm, drawn for every episode: late, slow, stop-and-go, any; with all-any and so
@@ -78,7 +91,12 @@ class CoordinationOptions:
 
     def __post_init__(self) -> None:
         check_bodies(self.physics, model_error=self.model_error, friction_error=self.friction_error)
-        check_names(("mode", self.mode, MODES), ("action", self.action, ACTION_FORMS))
+        check_names(
+            ("mode", self.mode, MODES),
+            ("action", self.action, ACTION_FORMS),
+            ("observation", self.observation, OBSERVATION_FORMS),
+            ("orders", self.orders, ORDER_RULES),
+        )
         if isinstance(self.disturbance, str):
             check_names(("disturbance", self.disturbance, DISTURBANCES))
         elif not isinstance(self.disturbance, Disturbance | None):
@@ -91,6 +109,7 @@ class CoordinationOptions:
             raise InputError(
                 "a priority tells the shield who passes first, and there is none", remedy="add shield=True"
             )
+        self._check_orders()
         as_noise(self.observation_noise)
         as_range(self.start_phase, "start_phase", 0.999)
         as_range(self.master_late_s, "master_late_s", math.inf)
@@ -99,6 +118,21 @@ class CoordinationOptions:
                 f"shield_tube_m must be a distance [m], got {brief(self.shield_tube_m)}", remedy="give 0 or more"
             )
         check_time_limit(self.max_episode_s)
+
+    def _check_orders(self) -> None:
+        for name, given, usual in (("observation", self.observation, "local"), ("orders", self.orders, "asked")):
+            if given != usual and not self.shield:
+                raise InputError(
+                    f"{name} is {given!r}, and without a shield there are no orders of passing",
+                    remedy="add shield=True",
+                )
+        if self.orders != "asked" and self.action_size > 1:
+            raise InputError(
+                f"orders is {self.orders!r}, and priorities ask for others",
+                remedy='use action="speed", or orders="asked"',
+            )
+        if self.observation == "graph" and self.observation_noise:
+            raise InputError("noise is for what agents see locally", remedy="leave observation_noise out")
 
     @property
     def first_alone(self) -> bool:
@@ -117,6 +151,8 @@ class CoordinationKeywords(TypedDict, total=False):
     physics: Physics
     mode: Mode
     action: ActionForm
+    observation: ObservationForm
+    orders: OrderRule
     disturbance: str | Disturbance | None
     observation_noise: float
     start_phase: float | Range

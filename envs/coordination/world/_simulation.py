@@ -37,7 +37,7 @@ from armtempo.envs.coordination.world._kernels import (
 )
 from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._pace import obeyed_commands, pace
-from armtempo.envs.coordination.world._world import World, ideal_world, make_episodes, pack
+from armtempo.envs.coordination.world._world import Episodes, World, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
 from armtempo.state import Stateful
@@ -225,6 +225,11 @@ class CoordinationSimulation(Stateful):
     def end(self) -> End:
         """When the last arm arrived, and whether two came too close."""
         return End(float(np.max(self.arrival)), self.violated)
+
+    @property
+    def episodes(self) -> Episodes:
+        """The episode as compiled loops take it, one of one."""
+        return self._episodes
 
     @property
     def world(self) -> World:

@@ -101,14 +101,16 @@ def test_an_arm_that_stands_is_seen_and_how_long_it_stood() -> None:
     policy.reset()
     while env.agents:
         actions = policy.act({agent: observations[agent] for agent in env.agents}, env)
-        if policy._stops.stood[0]:
+        assert env.shield is not None
+        if env.shield.stands[0]:
             seen.append(float(env.simulation.time))
-        assert not policy._stops.stood[1]
+        assert not env.shield.stands[1]
         observations, *_ = env.step(actions)
     period = cell.control_period
     assert begin < seen[0] <= begin + 2.0 * period + 1e-9
     assert end - 1e-9 <= seen[-1] <= end + 2.0 * period
-    assert policy._stops.rests == [pytest.approx(end - begin, abs=2.0 * period)]
+    assert env.shield is not None
+    assert env.shield.keeper.seen.rested[0].tolist() == [pytest.approx(end - begin, abs=2.0 * period), 0.0]
 
 
 def test_without_a_shield_they_are_not_offered_and_say_what_they_need() -> None:

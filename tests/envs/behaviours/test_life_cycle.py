@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, get_type_hints
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
 from armtempo.envs import (
     BLEND_ENTRIES,
@@ -367,6 +368,7 @@ def test_the_docstring_has_the_table_of_entries_and_the_space_is_made_of_it(kind
     assert observation_table(kind.entries) in cleandoc(kind.make.__doc__ or "")
     env = make()
     space = env.observation_space("arm_0") if isinstance(env, CoordinationEnv) else env.observation_space
+    assert isinstance(space, Box)
     np.testing.assert_array_equal(space.low, [entry.low for entry in kind.entries])
     np.testing.assert_array_equal(space.high, [entry.high for entry in kind.entries])
     assert len({entry.name for entry in kind.entries}) == len(kind.entries)

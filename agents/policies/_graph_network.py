@@ -1,0 +1,95 @@
+"""A network over arms and pairs of arms, by numpy alone: messages along the pairs, one action for every arm.
+
+Its layers, (weight (out, in), bias (out,)) each, in their order, for the widths w_1, w_2, ... of its rounds:
+
+    embed     nodes (19) -> w_1, then in every round, with h_i of arm i and e_ij of its pair with arm j:
+    message   (h_i, h_j, e_ij) -> w: of all j with which i has a collision region ahead, mean and largest are heard
+    update    (h_i, mean, largest, mean of h over all arms) -> the width of the round
+    head      w -> w, and out to the numbers of an action
+
+Weights are the same for all arms and pairs: arms in another order get the same actions in that order, and one network
+drives any number of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armtempo.arrays import Floats32
+from armtempo.envs import EDGE_ENTRIES, NODE_ENTRIES
+
+NODES, EDGES = len(NODE_ENTRIES), len(EDGE_ENTRIES)
+PRESENT = [entry.name for entry in NODE_ENTRIES].index("present")
+AHEAD = [entry.name for entry in EDGE_ENTRIES].index("ahead")
+GRAPH_NAMES = [f"node.{entry.name}" for entry in NODE_ENTRIES] + [f"edge.{entry.name}" for entry in EDGE_ENTRIES]
+"""Names of the entries of a graph."""
+
+LEAST = np.float32(-1e9)
+"""Less than any message."""
+
+Layers = Sequence[tuple[Floats32, Floats32]]
+
+
+def flat_rows(nodes: Floats32, edges: Floats32) -> Floats32:
+    """(E, n) graphs (E, ...) in one row each: their nodes, then their edges."""
+    return np.concatenate([nodes.reshape(len(nodes), -1), edges.reshape(len(edges), -1)], axis=1)
+
+
+def graph_shapes(sizes: Sequence[int], out: int) -> list[tuple[int, int]]:
+    """(out, in) of the layers of rounds of these widths, with ``out`` numbers for each arm."""
+    width, shapes = sizes[0], [(sizes[0], NODES)]
+    for size in sizes:
+        shapes += [(width, 2 * width + EDGES), (size, 4 * width)]
+        width = size
+    return [*shapes, (width, width), (out, width)]
+
+
+def graph_sizes(shapes: Sequence[tuple[int, ...]]) -> list[int] | None:
+    """The widths of the rounds of layers of these shapes; None if no such network has them."""
+    if len(shapes) < 5 or len(shapes) % 2 == 0 or any(len(shape) != 2 for shape in shapes):
+        return None
+    sizes = [shape[0] for shape in shapes[2:-2:2]]
+    fits = shapes[0][0] == sizes[0] and list(shapes) == graph_shapes(sizes, shapes[-1][0])
+    return sizes if fits else None
+
+
+def run_graph(layers: Layers, activation: str, nodes: Floats32, edges: Floats32) -> Floats32:
+    """What the network gives for the arms that are there.
+
+    Args:
+        layers: As above.
+        activation: Between layers: ``tanh`` or ``relu``.
+        nodes: (M, N) of the graph, A arms first.
+        edges: (M, M, K).
+
+    Returns:
+        (A, out).
+    """
+    arms = int(nodes[:, PRESENT].sum())
+    pairs = edges[:arms, :arms]
+    ahead = pairs[..., AHEAD] > 0.0
+    heard = np.maximum(ahead.sum(axis=1, keepdims=True), 1).astype(np.float32)
+    absent = ~ahead[..., None]
+
+    def bend(x: Floats32) -> Floats32:
+        return np.tanh(x) if activation == "tanh" else np.maximum(x, np.float32(0.0))
+
+    weight, bias = layers[0]
+    h: Floats32 = bend(nodes[:arms] @ weight.T + bias)
+    for k in range(1, len(layers) - 2, 2):
+        (to_message, bias), (to_update, bias_update) = layers[k], layers[k + 1]
+        width = h.shape[1]
+        own, other, pair = to_message[:, :width], to_message[:, width : 2 * width], to_message[:, 2 * width :]
+        message = bend((h @ own.T)[:, None] + (h @ other.T)[None] + (pairs @ pair.T + bias))
+        message[np.broadcast_to(absent, message.shape)] = 0.0
+        largest = np.where(absent, LEAST, message).max(axis=1)
+        largest[~ahead.any(axis=1)] = 0.0
+        everyone = np.broadcast_to(h.mean(axis=0), h.shape)
+        h = bend(
+            np.concatenate([h, message.sum(axis=1) / heard, largest, everyone], axis=1) @ to_update.T + bias_update
+        )
+    (hidden, bias), (out, bias_out) = layers[-2], layers[-1]
+    actions: Floats32 = bend(h @ hidden.T + bias) @ out.T + bias_out
+    return actions

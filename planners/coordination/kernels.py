@@ -1,0 +1,31 @@
+"""Compiled functions that other rooms call. Not public: they change without notice."""
+
+from __future__ import annotations
+
+from armtempo.planners.coordination._order_kernels import (
+    LEADING,
+    NODES,
+    WAITING,
+    OrderTables,
+    arrivals,
+    fill_times,
+    lags,
+    price,
+    search,
+    settle,
+    time_to_go,
+)
+
+__all__ = [
+    "LEADING",
+    "NODES",
+    "WAITING",
+    "OrderTables",
+    "arrivals",
+    "fill_times",
+    "lags",
+    "price",
+    "search",
+    "settle",
+    "time_to_go",
+]
