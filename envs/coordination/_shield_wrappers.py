@@ -97,6 +97,7 @@ class ShieldWrapper(_SavedShield, gymnasium.Wrapper[Floats32, Floats32, Floats32
         admitted = self.shield.commands(commands)
         passed = _action(action, commands[i], admitted[i], self._size)
         observation, reward, terminated, truncated, info = self.env.step(passed)
+        self.shield.look()
         self.shield.report(i, info, terminated or truncated)
         return observation, reward, terminated, truncated, info
 
@@ -158,6 +159,7 @@ class ShieldParallelWrapper(_SavedShield, BaseParallelWrapper[str, Floats32, Flo
             i = names.index(agent) if agent in names else -1
             passed[agent] = _action(action, commands[i], admitted[i], self._size) if i >= 0 else action
         results = self.env.step(passed)
+        self.shield.look()
         for agent, info in results[4].items():
             self.shield.report(names.index(agent), info, results[2][agent] or results[3][agent])
         return cast("tuple[Any, ...]", results)

@@ -17,6 +17,7 @@ from armtempo.envs import (
     BatchSimulation,
     CoordinationEnv,
     CoordinationVectorEnv,
+    ShieldParallelWrapper,
     YieldingEnv,
     graph_space,
     observation_table,
@@ -217,6 +218,22 @@ def test_full_speed_under_a_rule_is_the_policy_of_that_name(ring: CoordinationCe
         np.testing.assert_array_equal(told.simulation.arrival, kept.simulation.arrival)
         told.close()
         kept.close()
+
+
+def test_a_policy_sees_who_stands_through_a_wrapped_shield_too(ring: CoordinationCell) -> None:
+    arrivals = []
+    for wrapped in (False, True):
+        options: Any = {"physics": "ideal", "disturbance": "all-stop-and-go"}
+        inner = CoordinationEnv(ring, shield=not wrapped, **options)
+        env: Any = ShieldParallelWrapper(inner) if wrapped else inner
+        policy = make_policy("search+hold", ring)
+        observations, _ = env.reset(seed=2)
+        policy.reset()
+        while env.agents:
+            observations, *_ = env.step(policy.act(observations, env))
+        arrivals.append(inner.simulation.arrival.copy())
+        env.close()
+    np.testing.assert_array_equal(*arrivals)
 
 
 def test_the_rest_of_each_row_of_seen_arms_is_its_own(ring: CoordinationCell) -> None:
