@@ -41,7 +41,7 @@ def generate(
         count: How many.
         seed: Of the generator.
         first: Number of the first one; the k-th of a seed is the same whichever are drawn before it.
-        arms: How many: ring 2 to 16, rows 4 to 12, fixture 3 to 6, robots 2 to 4.
+        arms: How many: ring 2 to 16, rows 4 to 16, fixture 3 to 6, robots 2 to 4.
         json_file: Write labels and rejected draws there as JSON, units in the keys; "-" for nothing but JSON on stdout.
     """
     from armtempo.planners import generate_cell  # late, as the next: --help is to be quick

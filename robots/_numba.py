@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 from armtempo.cache import private_folder
 
-__all__ = ["inlined", "njit", "unlocked"]
+__all__ = ["borrowing", "inlined", "njit", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
 LOG = logging.getLogger("armtempo")
-MARKS = (b"@njit", b"@inlined", b"@unlocked")
+MARKS = (b"@njit", b"@inlined", b"@unlocked", b"@borrowing")
 
 
 def kernel_digest(folders: Iterable[Path]) -> str:
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     def inlined(function: F) -> F: ...
 
     def unlocked(function: F) -> F: ...
+
+    def borrowing(function: F) -> F: ...
 
 else:
     import numba
@@ -98,3 +100,6 @@ else:
     inlined = _compiled(inline="always")
     # Lets other threads run meanwhile.
     unlocked = _compiled(nogil=True)
+    # Counts no references to arrays, which can take most of the time of short steps: the callers hold them. It can make
+    # no array (numba says so), and must call nothing that returns one but what is ``inlined``.
+    borrowing = _compiled(_nrt=False)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("configs", "robots", "planners", "envs", "agents", "commands")
-KERNELS = {"njit", "inlined", "unlocked"}
+KERNELS = {"njit", "inlined", "unlocked", "borrowing"}
 
 MOST_LINES, MOST_KERNEL_LINES = 60, 80  # without the docstring
 MOST_ARGUMENTS = 8  # outside kernels

@@ -16,8 +16,10 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from armtempo.arrays import Floats, Ints
+from armtempo.cache import cached, content_key
 from armtempo.planners.charts._arm_sweep import ArmSweep
 from armtempo.planners.charts._coordination_chart import BLOCKED, FREE, CoordinationChart
+from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import certify
 from armtempo.planners.charts._regions import TOUCHING, CollisionRegion, collision_regions
 from armtempo.planners.joint_paths import AbstractJointPath
@@ -29,6 +31,7 @@ MOST_WINDOWS = 8  # about one narrow place
 WORTH_WHILE = 0.95  # of the last distance: what a window must bring two parts to
 BORDER_ROUNDING = 1e-6  # of a window's cell: so much may a box be outside it by rounding
 MOST_PLACES = 12  # in one chart, the narrowest first
+JOINED_VERSION = 1  # raise it when the same chart may get others
 
 
 def with_joined_cores(
@@ -37,15 +40,40 @@ def with_joined_cores(
     """A chart of two arms that knows which of its blocked parts are joined; the same one if none are.
 
     Only for arms whose capsules are their shapes: other distances have a tolerance that no cell is small enough for.
+    What was looked at is kept on disk (``ARMTEMPO_CACHE``: another folder, or ``off``).
     """
     if not all(arm.capsules.exact.all() for arm in arms):
         return chart
+    places = _narrow_places(chart)[:MOST_PLACES]
+    if not places:
+        return chart
+    key = content_key(["joined", JOINED_VERSION, chart.states, chart.d_min, *_content(arms, paths)])
+    joined = cached("joined", key, lambda: {"joined": _joined(chart, arms, paths, places)})["joined"]
+    return dataclasses.replace(chart, joined=joined) if len(joined) else chart
+
+
+def _content(arms: tuple[Arm, Arm], paths: tuple[AbstractJointPath, AbstractJointPath]) -> list[object]:
+    sweeps = [ArmSweep.of(arm, path, WINDOW_CELLS) for arm, path in zip(arms, paths, strict=True)]
+    return [
+        part
+        for sweep, path in zip(sweeps, paths, strict=True)
+        for part in motion_content(sweep.arm, path, sweep.q, sweep.speed)
+    ]
+
+
+def _joined(
+    chart: CoordinationChart,
+    arms: tuple[Arm, Arm],
+    paths: tuple[AbstractJointPath, AbstractJointPath],
+    places: list[tuple[int, int, Ints]],
+) -> Ints:
+    """(L, 4) cells of cores that are one; see ``CoordinationChart.joined``."""
     group, joined = list(range(len(chart.cores))), []
-    for one, other, ends in _narrow_places(chart)[:MOST_PLACES]:
+    for one, other, ends in places:
         if group[one] != group[other] and _is_neck(chart, arms, paths, ends):
             joined.append(ends.ravel())
             group = [group[one] if own == group[other] else own for own in group]
-    return dataclasses.replace(chart, joined=np.array(joined, dtype=np.int64)) if joined else chart
+    return np.array(joined, dtype=np.int64).reshape(-1, 4)
 
 
 def _narrow_places(chart: CoordinationChart) -> list[tuple[int, int, Ints]]:

@@ -222,7 +222,7 @@ _FAMILIES: Mapping[str, _Family] = {
     "planar": _Family(draw=_planar, arms=(2,)),
     "shaped": _Family(draw=_planar, arms=(2,)),
     "ring": _Family(draw=_ring, arms=tuple(range(2, 17))),
-    "rows": _Family(draw=_rows, arms=(4, 6, 8, 10, 12)),
+    "rows": _Family(draw=_rows, arms=(4, 6, 8, 10, 12, 14, 16)),
     "fixture": _Family(draw=_fixture, arms=(3, 4, 5, 6)),
     **{name: _Family(draw=partial(_robots, robot), arms=(2, 3, 4)) for name, robot in _ROBOTS.items()},
 }

@@ -29,7 +29,7 @@ from armtempo.planners.topp._rows import (
     WHOLE_SLOPE,
     end_row,
 )
-from armtempo.robots import inlined, njit
+from armtempo.robots import borrowing, inlined, njit
 
 STATION_ROUNDING = 1e-12  # of the path: nearer to a station, or to the end of a piece, than this is there
 TIME_ROUNDING = 1e-9  # of the time asked for: a rest so short is none
@@ -59,7 +59,7 @@ def upper_edge(steps: Floats, i: int, w: float) -> float:
     return float(steps[i, EDGE_HIGH] + w * (steps[i, EDGE_HIGH_NEXT] - steps[i, EDGE_HIGH]))
 
 
-@njit
+@borrowing
 def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: float, d2: float) -> tuple[float, float]:
     """Bounds of ``u`` from one row with friction, met after travelling ``d2 / 2`` from ``x``."""
     if d2 <= 0.0:
@@ -215,7 +215,7 @@ def _whole_interval(
     return float(low if command == 0.0 else min(max(goal_share * edge, low), high))
 
 
-@njit
+@borrowing
 def advance(
     steps: Floats,
     lam: float,

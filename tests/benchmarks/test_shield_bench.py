@@ -8,14 +8,31 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 
+from armtempo.arrays import Bools
 from armtempo.envs import CHANNELS, MODES, REQUESTS, CoordinationEnv, ShieldTrial, YieldingEnv, shield_trial
+from armtempo.envs.common import ideal_options
+from armtempo.envs.coordination.shield import Shield
+from armtempo.envs.coordination.shield._admission import admit
+from armtempo.envs.coordination.shield._kernels import Orders, ShieldTables, ShieldWork
+from armtempo.envs.coordination.shield._turning import first_orders
+from armtempo.envs.coordination.world import (
+    CoordinationOptions,
+    CoordinationSimulation,
+    World,
+    length_of,
+    steps_of,
+)
 from armtempo.errors import InfeasibleError
 from armtempo.planners import CoordinationCell, benchmark_instances, generate_cell, load_cell, schedule
+from armtempo.planners.topp import kernels as phase_kernels
+from armtempo.robots import njit
 
 STEPS = 2_000_000
 BUNDLED = ("lee1991", "mixed-priority", "planar-four", "iiwa-pair", "panda-pair")
@@ -69,10 +86,27 @@ def test_nothing_violates_or_sticks(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(left_out) <= len(builders) // 20
 
 
-def test_many_arms_whoever_is_to_pass_first(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two million steps: rings of two to six arms, both modes, every channel, from the start and from anywhere."""
-    cells = [generate_cell("ring", 1, k, arms=arms).cell for arms in (3, 4, 5, 6) for k in range(2)]
-    cells += [load_cell("mixed-priority"), load_cell("planar-four")]
+def _rings_and_bundled() -> list[CoordinationCell]:
+    rings = [generate_cell("ring", 1, k, arms=arms).cell for arms in (3, 4, 5, 6) for k in range(2)]
+    return [*rings, load_cell("mixed-priority"), load_cell("planar-four")]
+
+
+def _of_every_family() -> list[CoordinationCell]:
+    """Of every family and number of arms, up to six, the first feasible test cell of the benchmark set."""
+    first: dict[tuple[str, int], CoordinationCell] = {}
+    for instance in benchmark_instances("test"):
+        kind = (instance.family, len(instance.labels.holdable))
+        if instance.labels.status == "feasible" and kind[1] <= 6 and kind not in first:
+            first[kind] = instance.build()
+    return list(first.values())
+
+
+@pytest.mark.parametrize("cells_of", [_rings_and_bundled, _of_every_family])
+def test_many_arms_whoever_is_to_pass_first(
+    cells_of: Callable[[], list[CoordinationCell]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two million steps each: two to six arms, both modes, every channel, from the start and from anywhere."""
+    cells = cells_of()
     variants = list(product(MODES, CHANNELS, (0.0, 0.4), (False, True)))
     share, total, left_out = STEPS // (len(cells) * len(variants)) + 1, 0, []
     with capsys.disabled():
@@ -80,17 +114,9 @@ def test_many_arms_whoever_is_to_pass_first(capsys: pytest.CaptureFixture[str]) 
             began, stuck, violations, steps = time.process_time(), 0, 0, 0
             for k, (mode, channel, phase, late) in enumerate(variants):
                 uncertain = (k % len(cell.arms), (k + 1) % len(cell.arms)) if late else ()
+                options: dict[str, Any] = {"mode": mode, "channel": channel, "start_phase": (0.0, phase)}
                 try:
-                    trial = shield_trial(
-                        cell,
-                        "mixed",
-                        share,
-                        seed=k,
-                        mode=mode,
-                        channel=channel,
-                        start_phase=(0.0, phase),
-                        uncertain=uncertain,
-                    )
+                    trial = shield_trial(cell, "mixed", share, seed=k, uncertain=uncertain, **options)
                 except InfeasibleError:
                     left_out.append(cell.name)
                     break
@@ -106,6 +132,54 @@ def test_many_arms_whoever_is_to_pass_first(capsys: pytest.CaptureFixture[str]) 
             assert not stuck
             total += steps
         print(f"{total} agent steps, no passing order found: {left_out or 'none'}")  # noqa: T201
+
+
+@njit
+def _at_full_speed(
+    world: World, tables: ShieldTables, orders: Orders, work: ShieldWork, nobody: Bools, ticks: int, shielded: bool,
+    episodes: int,
+) -> int:  # fmt: skip
+    """Episodes in which all arms want full speed, without watching them; how many periods they take."""
+    arms, periods = len(nobody), 0
+    lam, mu, places, speeds = np.zeros(arms), np.zeros(arms), np.empty(ticks), np.empty(ticks)
+    asked, admitted = np.ones(arms), np.ones(arms)
+    for _ in range(episodes):
+        lam[:], mu[:] = 0.0, 0.0
+        first_orders(world, tables, lam, nobody, orders, work)
+        running = True
+        while running:
+            if shielded:
+                admit(world, tables, orders, work.wanted, lam, mu, asked, nobody, nobody, ticks, admitted, work)
+            running = False
+            for i in range(arms):
+                path = steps_of(world, i)
+                lam[i], mu[i], _ = phase_kernels.advance(
+                    path, lam[i], mu[i], admitted[i], world.by_speed, world.tick, ticks, places, speeds
+                )  # fmt: skip
+                running = running or lam[i] < length_of(world, i)
+            periods += 1
+    return periods
+
+
+def test_what_a_step_of_four_arms_costs(capsys: pytest.CaptureFixture[str]) -> None:
+    """Processor time of a control period at full speed, the best of some runs: with the shield, and of that motion."""
+    cells = [load_cell("planar-four"), *(generate_cell(family, 1, 0, arms=4).cell for family in ("ring", "rows"))]
+    with capsys.disabled():
+        for cell in cells:
+            simulation = CoordinationSimulation(cell, ideal_options(CoordinationOptions, {}, Shield))
+            shield, nobody = Shield(cell, simulation.world), np.zeros(4, dtype=np.bool_)
+            shield.reset(np.zeros(4))
+            best = {True: np.inf, False: np.inf}
+            for run, shielded in product(range(8), (True, False)):
+                began = time.process_time()
+                periods = _at_full_speed(
+                    simulation.world, shield.tables, shield.orders, shield.work, nobody, cell.ticks_per_period,
+                    shielded, 10 if run else 1,
+                )  # fmt: skip
+                if run:
+                    best[shielded] = min(best[shielded], 1e6 * (time.process_time() - began) / periods)
+            print(f"{cell.name:>24} shielded {best[True]:5.1f} us a step of four arms, bare {best[False]:4.1f}")  # noqa: T201
+            assert best[True] < 200.0
 
 
 def test_scripted_arms_that_are_disturbed(capsys: pytest.CaptureFixture[str]) -> None:

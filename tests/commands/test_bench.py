@@ -100,11 +100,20 @@ def test_families_on_the_command_line_are_those_there_are() -> None:
 
 
 def test_bench_arms() -> None:
-    assert main(["bench", "arms", "--arms", "2", "3", "--count", "1", "--out", "arms.png", "--json", "arms.json"]) == 0
-    rings = json.loads(Path("arms.json").read_text(encoding="utf-8"))["rings"]
-    assert [ring["arms"] for ring in rings] == [2, 3]
-    assert all(ring["makespan_s"]["optimal"] >= ring["lower_bound_s"] for ring in rings)
+    line = ["bench", "arms", "--arms", "2", "3", "4", "--families", "ring", "rows", "--count", "1", "--tries", "5"]
+    assert main([*line, "--out", "arms.png", "--json", "arms.json"]) == 0
+    found = json.loads(Path("arms.json").read_text(encoding="utf-8"))
+    sizes = [("ring", 2), ("ring", 3), ("ring", 4), ("rows", 4)]
+    assert [(cell["family"], cell["arms"]) for cell in found["cells"]] == sizes
+    assert [(one["family"], one["arms"]) for one in found["drawn"]] == sizes
+    assert all(one["drawn"] >= one["feasible"] == 1 for one in found["drawn"])
+    assert all(cell["makespan_s"]["optimal"] >= cell["lower_bound_s"] for cell in found["cells"])
     assert imageio.imread("arms.png").std() > 1.0
+
+
+def test_sizes_of_which_nothing_is_feasible_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "arms", "--arms", "6", "--count", "1", "--tries", "1"]) != 0
+    assert "none of 1 cells is feasible" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -113,7 +122,9 @@ def test_bench_arms() -> None:
         (["bench", "coordination", "--methods", "magic"], "unknown method 'magic'"),
         (["bench", "coordination", "--families", "scara"], "planar"),
         (["bench", "coordination", "--limit", "0"], "--limit must be at least 1"),
-        (["bench", "arms", "--arms", "17"], "--arms must be 2 to 16"),
+        (["bench", "arms", "--arms", "17"], "no family of ring has 17 arms"),
+        (["bench", "arms", "--arms", "4", "5", "--families", "rows"], "no family of rows has 5 arms"),
+        (["bench", "arms", "--tries", "0"], "--count and --tries must be positive"),
         (["cells", "generate", "--out", "cells", "--count", "0"], "--count must be at least 1"),
         (["cells", "generate", "--out", "cells", "--family", "panda", "--arms", "6"], "give one of 2, 3, 4"),
     ],

@@ -8,7 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pytest
+from numba.core.errors import NumbaError
+
 import armtempo
+from armtempo.arrays import Floats
+from armtempo.robots import borrowing, njit
 from armtempo.robots._numba import kernel_digest
 
 CALLEE = "from armtempo.robots._numba import njit\n\n\n@njit\ndef callee(x):\n    return x + {}\n"
@@ -84,3 +90,32 @@ def test_only_files_with_kernels_count(tmp_path: Path) -> None:
     assert kernel_digest([tmp_path]) == before
     (tmp_path / "one.py").write_text("@njit\ndef one(): pass\n")
     assert kernel_digest([tmp_path]) != before
+
+
+@borrowing
+def _sum_of_half(values: Floats) -> float:
+    total = 0.0
+    for value in values[: values.shape[0] // 2]:
+        total += value
+    return total
+
+
+@borrowing
+def _made(count: int) -> float:
+    return np.zeros(count)[0]  # type: ignore[no-any-return]
+
+
+@njit
+def _of_a_new_one(count: int) -> float:
+    values = np.arange(float(count))
+    return _sum_of_half(values) + _sum_of_half(values[1:])
+
+
+def test_what_borrows_counts_no_references_and_makes_no_arrays() -> None:
+    values = np.arange(6.0)
+    before = sys.getrefcount(values)
+    assert _sum_of_half(values) == 3.0
+    assert sys.getrefcount(values) == before
+    assert [_of_a_new_one(6) for _ in range(3)] == [3.0 + 3.0] * 3
+    with pytest.raises(NumbaError, match="array"):
+        _made(3)

@@ -17,7 +17,7 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.world import World, length_of, steps_of
 from armtempo.planners.charts.kernels import cell_at
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import inlined, njit
+from armtempo.robots import borrowing, inlined, njit
 
 Orders = NDArray[np.int8]
 
@@ -54,6 +54,8 @@ class ShieldWork(NamedTuple):
     length: Ints  # (2, A) parts that are foreseen; 0: not begun
     rest: Bools  # (2, A) whether the arm is at rest from there on
     speed: Floats  # (2, A, P + 1) at the begin of every period
+    limits: Floats  # (K + 1,) how far one arm may go, at the begin of every part of a tick
+    fitting: Bools  # (R,) regions whose waiting arm is known to stay behind its limit, as commands are
     lam: Floats  # (4, A) where arms are, how far they may go, where they stop, and no command
     speeds: Floats  # (parts of a period,)
     wanted: Orders  # (R,) who is to pass first; 2: whoever does
@@ -66,6 +68,7 @@ class ShieldWork(NamedTuple):
     turnable: Orders  # (R,) whether an order can be turned: 0 not, 1 it can, 2 not looked at yet
     circle: Ints  # (A,) regions
     arms: Ints  # (A,)
+    unsure: Bools  # (A,) arms that may do less than they are told
 
 
 class Limit(NamedTuple):
@@ -108,7 +111,7 @@ def limit_now(world: World, tables: ShieldTables, r: int, order: int, lam: Float
     return limit_at(tables.buffer, limit_of(world, tables, r, order), lam[tables.region[r, order, LEADING_ARM]])
 
 
-@njit
+@borrowing
 def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, reach: Floats) -> bool:
     """Whether arms that go as far as the others' places allow, over and over, all arrive; ``lam`` (A,) is where."""
     moved = True
@@ -162,7 +165,7 @@ def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
             braked[m, k] = low if d2 > 0.0 else most
 
 
-@njit
+@borrowing
 def stops_before(
     steps: Floats, holdable: bool, braked: Floats, before: Ints, lam: float, mu: float, limit: float, tick: float
 ) -> bool:
@@ -175,22 +178,41 @@ def stops_before(
     if mu <= 0.0:
         return True
     m = before[phase_kernels.interval_at(steps, limit - mu * tick)]
-    if m < 0:
-        return False
+    return m >= 0 and mu * mu <= BRAKING_SAFETY_SQUARED * _at_most(steps, braked, m, lam)
+
+
+@borrowing
+def speed_to_stop(steps: Floats, braked: Floats, before: Ints, lam: float, limit: float) -> float:
+    """About the largest square of a speed from which an arm at ``lam`` stops before a limit: a guess, no bound."""
+    if lam >= limit:
+        return 0.0
+    m = before[phase_kernels.interval_at(steps, limit)]
+    count, last = braked.shape[0], steps.shape[0] - 1
+    low_place, low, high_place, high = lam, 0.0, steps[last, phase_kernels.STATION], 0.0
+    if m >= 0:
+        place = steps[((m + 1) * last) // count, phase_kernels.STATION]
+        if place > lam:
+            low_place, low = place, _at_most(steps, braked, m, lam)
+    if m + 1 < count:
+        high_place, high = steps[((m + 2) * last) // count, phase_kernels.STATION], _at_most(steps, braked, m + 1, lam)
+    return low + (limit - low_place) / (high_place - low_place) * (high - low)  # type: ignore[no-any-return]
+
+
+@inlined
+def _at_most(steps: Floats, braked: Floats, m: int, lam: float) -> float:
+    """The largest square of a speed at ``lam`` from which an arm stops before place m."""
     k = phase_kernels.interval_at(steps, lam)
-    x, after = braked[m, k], braked[m, k + 1]
-    begin, stop = steps[k, phase_kernels.STATION], steps[k + 1, phase_kernels.STATION]
-    x += (lam - begin) / (stop - begin) * (after - x)
-    return mu * mu <= BRAKING_SAFETY_SQUARED * x  # type: ignore[no-any-return]
+    x, begin, stop = braked[m, k], steps[k, phase_kernels.STATION], steps[k + 1, phase_kernels.STATION]
+    return float(x + (lam - begin) / (stop - begin) * (braked[m, k + 1] - x))
 
 
-@njit
+@borrowing
 def row_of(braking: bool) -> int:
     """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
     return 1 if braking else 0
 
 
-@njit
+@borrowing
 def foresee(
     steps: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int,
     i: int, places: Floats, speed: Floats, length: Ints, rest: Bools, speeds: Floats,
@@ -236,7 +258,7 @@ def foresee(
     return k  # type: ignore[no-any-return]
 
 
-@njit
+@borrowing
 def fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
@@ -298,3 +320,101 @@ def fits(
             limit = limit_at(buffer, of, near[min(k, stop)])
             if limit == np.inf:
                 return True
+
+
+@borrowing
+def fill_limits(
+    world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
+    unsure: Bools, parts: int, until: int, work: ShieldWork,
+) -> int:  # fmt: skip
+    """Fill ``work.limits`` for arm i, margins taken off, up to part ``until`` or where they change no more: which."""
+    limits, own = work.limits, steps_of(world, i)
+    margin, known = LIMIT_MARGIN_SHARE * own[own.shape[0] - 1, 0], 0
+    limits[0] = np.inf
+    for r in range(orders.shape[0]):
+        order = orders[r]
+        if order == NOBODY_WAITS or tables.region[r, order, WAITING_ARM] != i:
+            continue
+        j, of = tables.region[r, order, LEADING_ARM], limit_of(world, tables, r, order)
+        limit = limit_at(tables.buffer, of, lam[j])
+        if limit == np.inf:
+            continue
+        row = row_of(unsure[j])
+        near = work.places[row, j]
+        stop = foresee(
+            steps_of(world, j), world.by_speed, tables.holdable[j], world.tick, (0.0 if unsure[j] else commands[j]),
+            parts, until, row, j, near, work.speed[row, j], work.length, work.rest, work.speeds,
+        )  # fmt: skip
+        stop = min(stop, until, near.shape[0] - parts - 1)
+        if row == 1 and mu[j] <= 0.0:  # it may be late; an arm that cannot hold still would be foreseen to go
+            stop = 0
+        while known < stop:
+            limits[known + 1] = limits[known]
+            known += 1
+        limits[0] = min(limits[0], limit - margin)
+        for k in range(1, known + 1):
+            if k <= stop and limit < np.inf:
+                limit = limit_at(tables.buffer, of, near[k])
+            if limit == np.inf:
+                break
+            limits[k] = min(limits[k], limit - margin)
+    return known
+
+
+@borrowing
+def first_past(
+    own: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, i: int, limits: Floats,
+    known: int, braked: Floats, before: Ints, far: Floats, far_speed: Floats, back: Floats, back_speed: Floats,
+    length: Ints, rest: Bools, speeds: Floats,
+) -> int:  # fmt: skip
+    """The first part of a tick in which arm i gets past ``limits`` (known + 1,) and is not just braking; 0: none.
+
+    None is what ``fits`` says, of all regions where it waits at once. ``far``, ``back``: of ``work``, where it is under
+    the command and where if it brakes at once. (Arrays one by one: see ``foresee``.)
+    """
+    k, limit = 0, limits[0]
+    while limit < np.inf:
+        last = foresee(
+            own, by_speed, holdable, tick, command, parts, k + parts, row_of(False), i, far, far_speed, length, rest,
+            speeds,
+        )  # fmt: skip
+        if last > k and stops_before(
+            own, holdable, braked, before, far[k + parts], far_speed[k // parts + 1], limit, tick
+        ):
+            return 0
+        if last >= k + parts and far[k + parts] <= limit:  # the whole period at once
+            k += parts
+            limit = limits[min(k, known)]
+            continue
+        for _ in range(parts):
+            k += 1
+            if k > last:
+                return 0
+            if far[k] > limit:
+                done = foresee(
+                    own, by_speed, holdable, tick, 0.0, parts, k, row_of(True), i, back, back_speed, length, rest,
+                    speeds,
+                )  # fmt: skip
+                if far[k] > back[min(k, done)]:
+                    return k
+            limit = limits[min(k, known)]
+            if limit == np.inf:
+                return 0
+    return 0
+
+
+@borrowing
+def aim_behind(
+    own: Floats, by_speed: bool, holdable: bool, tick: float, parts: int, i: int, k: int, limit: float, far: Floats,
+    back: Floats, back_speed: Floats, length: Ints, rest: Bools, speeds: Floats,
+) -> float:  # fmt: skip
+    """About where arm i must not get farther in a period, that it may be behind a limit after part k; see there.
+
+    Between where it gets by braking at once and by the command of ``far``, under which it is past the limit.
+    """
+    done = foresee(
+        own, by_speed, holdable, tick, 0.0, parts, k, row_of(True), i, back, back_speed, length, rest, speeds
+    )  # fmt: skip
+    least = back[min(k, done)]
+    share = (limit - least) / (far[k] - least) if far[k] > least else 0.0
+    return back[parts] + share * (far[parts] - back[parts])  # type: ignore[no-any-return]

@@ -148,6 +148,8 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         length=np.zeros((2, arms), dtype=np.int64),
         rest=np.zeros((2, arms), dtype=np.bool_),
         speed=np.zeros((2, arms, periods + 1)),
+        limits=np.zeros(PARTS_PER_TICK * ticks * periods + 1),
+        fitting=np.zeros(regions, dtype=np.bool_),
         lam=np.zeros((4, arms)),
         speeds=np.zeros(PARTS_PER_TICK * ticks),
         wanted=np.full(regions, NOBODY_WAITS, dtype=np.int8),
@@ -160,6 +162,7 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         turnable=np.zeros(regions, dtype=np.int8),
         circle=np.zeros(arms, dtype=np.int64),
         arms=np.zeros(arms, dtype=np.int64),
+        unsure=np.zeros(arms, dtype=np.bool_),
     )
 
 

@@ -19,7 +19,7 @@ from armtempo.planners.charts import ClearanceTable, clearance_table
 from armtempo.planners.joint_paths.kernels import PathTable
 from armtempo.planners.topp import Mode
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import ArmModel, njit
+from armtempo.robots import ArmModel, inlined, njit
 
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
 FCL_BELOW = 0.05  # [m] above d_min: nearer than this the clearance tables ask FCL, not capsules
@@ -178,7 +178,7 @@ def length_of(world: World, i: int) -> float:
     return world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]  # type: ignore[no-any-return]
 
 
-@njit
+@inlined
 def steps_of(world: World, i: int) -> Floats:
     """``edges_of(world, i).steps``, what ``phase_kernels.advance`` needs."""
     N, o = world.size[i, 0], world.offset[i, _EDGES + 4]

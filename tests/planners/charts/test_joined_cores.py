@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from armtempo.planners import CoordinationCell, CoordinationChart
 from armtempo.planners.charts import BLOCKED, CollisionRegion, with_joined_cores
+from armtempo.planners.charts import _joined_cores as joined_cores
 from armtempo.planners.instances import benchmark_instances
 
 COARSE, FINE = 128, 2048
@@ -83,3 +86,21 @@ def test_joined_cells_are_one_region_with_gaps() -> None:
 
 def test_charts_with_nothing_undecided_between_stay(cell: CoordinationCell) -> None:
     assert looked_closer(cell, 0.0540).joined.shape == (0, 4)
+
+
+def test_they_are_found_once(cell: CoordinationCell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bare = looked_closer(cell, 0.1335)
+    monkeypatch.setenv("ARMTEMPO_CACHE", str(tmp_path))
+    assert_array_equal(looked_closer(cell, 0.1335).joined, bare.joined)
+    none = looked_closer(cell, 0.1269)
+    kept = sorted(file.name for file in tmp_path.iterdir())
+    assert [name.partition("-")[0] for name in kept] == ["joined", "joined"]
+
+    def looked_again(*_: object) -> bool:
+        raise AssertionError("they are kept")
+
+    monkeypatch.setattr(joined_cores, "_is_neck", looked_again)
+    assert_array_equal(looked_closer(cell, 0.1335).joined, bare.joined)
+    assert len(looked_closer(cell, 0.1269).joined) == len(none.joined) == 0
+    with pytest.raises(AssertionError, match="they are kept"):
+        looked_closer(cell, 0.1004)  # another distance is another chart

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from armtempo.arrays import Floats
 from armtempo.envs import (
     CHANNELS,
     REQUESTS,
@@ -18,6 +19,9 @@ from armtempo.envs import (
     YieldingEnv,
     shield_trial,
 )
+from armtempo.envs.coordination.shield._admission import COMMAND_STEPS
+from armtempo.envs.coordination.shield._kernels import PARTS_PER_TICK, WAITING_ARM, fits
+from armtempo.envs.coordination.shield._turning import begin
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import CoordinationCell, load_cell, schedule
 from armtempo.planners.topp import Mode
@@ -60,6 +64,41 @@ def test_full_speed_is_near_the_optimum(mixed: CoordinationCell) -> None:
     trial = shield_trial(mixed, "full", 1_000)
     assert trial.changed > 0.0
     assert 1.0 - 1e-6 <= trial.makespan / schedule(mixed, "optimal").makespan <= 1.06
+
+
+@pytest.mark.parametrize("mode", ["speed", "acceleration"])
+@pytest.mark.parametrize("uncertain", [(), (1,)])
+def test_commands_are_cut_no_more_than_needed(mode: Mode, uncertain: tuple[int, ...]) -> None:
+    """The next larger step of a command that was cut gets some arm past its limit."""
+    cell = load_cell("planar-four")
+    simulation = CoordinationSimulation(cell, CoordinationOptions(physics="ideal", mode=mode))
+    shield, unsure = Shield(cell, simulation.world), np.zeros(4, dtype=np.bool_)
+    unsure[list(uncertain)] = True
+    simulation.reset()
+    shield.reset(simulation.lam, unsure)
+
+    def fits_all(commands: Floats, waiting: int | None = None) -> bool:
+        begin(simulation.lam, simulation.mu, shield.work)
+        return all(
+            fits(
+                simulation.world, shield.tables, r, order, shield.orders, simulation.lam, simulation.mu, commands,
+                unsure, PARTS_PER_TICK * cell.ticks_per_period, shield.work,
+            )
+            for r, order in enumerate(shield.orders.tolist())
+            if waiting is None or shield.tables.region[r, order, WAITING_ARM] == waiting
+        )  # fmt: skip
+
+    cut = 0
+    while (simulation.lam < [path.length for path in cell.paths]).any():
+        admitted = shield.admit(simulation.lam, simulation.mu, np.ones(4))
+        assert fits_all(admitted)
+        for i in np.flatnonzero(admitted < 1.0).tolist():
+            more = admitted.copy()
+            more[i] += 1.0 / COMMAND_STEPS
+            assert not fits_all(more, i)
+            cut += 1
+        simulation.step(admitted)
+    assert cut > 20
 
 
 def test_admitted_commands_are_admitted_again_and_far_ones_as_they_are(mixed: CoordinationCell) -> None:
