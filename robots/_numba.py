@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 from armtempo.cache import private_folder
 
-__all__ = ["inlined", "njit", "unlocked"]
+__all__ = ["inlined", "njit", "uncounted", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
 LOG = logging.getLogger("armtempo")
-MARKS = (b"@njit", b"@inlined", b"@unlocked")
+MARKS = (b"@njit", b"@inlined", b"@uncounted", b"@unlocked")
 
 
 def kernel_digest(folders: Iterable[Path]) -> str:
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     def njit(function: F) -> F: ...
 
     def inlined(function: F) -> F: ...
+
+    def uncounted(function: F) -> F: ...
 
     def unlocked(function: F) -> F: ...
 
@@ -98,3 +100,7 @@ else:
     inlined = _compiled(inline="always")
     # Lets other threads run meanwhile.
     unlocked = _compiled(nogil=True)
+    # The same, and counts no references to arrays: each count is an atomic write, and those of the views in short loops
+    # took up to half of the time. Only for what makes no arrays, gives none back, and calls nothing that gives one
+    # back, unless that is inlined: numba refuses the first, a test finds the others.
+    uncounted = _compiled(nogil=True, _nrt=False)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
 
 import armtempo
-from armtempo.robots._numba import kernel_digest
+from armtempo.arrays import Floats
+from armtempo.robots._numba import kernel_digest, uncounted
 
+numba: Any = importlib.import_module("numba")  # with untyped functions
 CALLEE = "from armtempo.robots._numba import njit\n\n\n@njit\ndef callee(x):\n    return x + {}\n"
 CALLER = (
     "from armtempo.robots._callee import callee\nfrom armtempo.robots._numba import njit\n\n\n"
@@ -27,6 +34,31 @@ from armtempo.robots._caller import caller
 value = caller(1)
 print(value, sum(caller.stats.cache_hits.values()))
 """
+
+
+@uncounted
+def _sums(rows: Floats, out: Floats) -> None:
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        out[i] = row[: row.shape[0]].sum()
+
+
+@uncounted
+def _makes_one(rows: Floats) -> float:
+    return np.zeros(rows.shape[0]).sum()  # type: ignore[no-any-return]
+
+
+def test_kernels_that_count_no_references_leave_them_as_they_were() -> None:
+    rows, out = np.arange(12.0).reshape(3, 4), np.zeros(3)
+    _sums(rows, out)
+    before = sys.getrefcount(rows), sys.getrefcount(out)
+    for _ in range(10):
+        _sums(rows, out)
+    assert (sys.getrefcount(rows), sys.getrefcount(out)) == before
+    assert (out == rows.sum(axis=1)).all()
+    if not numba.config.DISABLE_JIT:
+        with pytest.raises(numba.core.errors.NumbaError, match="Only accept returning of array"):
+            _makes_one(rows)
 
 
 def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None:

@@ -15,15 +15,15 @@ from armtempo.envs.coordination.shield._kernels import (
     ShieldWork,
     fits,
 )
-from armtempo.envs.coordination.shield._turning import begin, take, turn_for
+from armtempo.envs.coordination.shield._turning import begin, put, take, turn_for
 from armtempo.envs.coordination.world import World
-from armtempo.robots import njit
+from armtempo.robots import uncounted
 
 COMMAND_STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
 CUTTING_SWEEPS = 8  # after which arms that still do not fit brake
 
 
-@njit
+@uncounted
 def _cut(
     world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
@@ -48,7 +48,7 @@ def _cut(
     commands[i], work.length[COMMANDED, i] = low / COMMAND_STEPS, 0
 
 
-@njit
+@uncounted
 def admit(
     world: World,
     tables: ShieldTables,
@@ -84,10 +84,10 @@ def admit(
     is a largest set of commands, and lowering arm by arm whoever does not fit finds it. To brake is always let through:
     it is what was checked the last time.
     """
-    admitted[:] = commands
+    put(commands, admitted)
     take(world, tables, orders, wanted, lam, mu, scripted, uncertain, ticks, work)
     begin(lam, mu, work)
-    unsure, parts = scripted | uncertain, PARTS_PER_TICK * ticks
+    unsure, parts = work.unsure, PARTS_PER_TICK * ticks
     fitting, tried, changed = False, False, False
     sweep = 0
     while not fitting:

@@ -7,7 +7,7 @@ from armtempo.envs.coordination.shield._admission import admit
 from armtempo.envs.coordination.shield._kernels import Orders, ShieldTables, ShieldWork
 from armtempo.envs.coordination.shield._turning import first_orders, set_wanted
 from armtempo.envs.coordination.world import START_ATTEMPTS, Draws, Episodes, World, draw
-from armtempo.robots import njit, unlocked
+from armtempo.robots import njit, uncounted
 
 
 @njit
@@ -28,7 +28,7 @@ def draw_shielded(
     return -1
 
 
-@unlocked
+@uncounted
 def admit_all(
     world: World, tables: ShieldTables, episodes: Episodes, first: int, last: int, active: Bools, orders: Orders,
     asked: Orders, priority: Floats, scripted: Bools, uncertain: Bools, ticks: int, commands: Floats,

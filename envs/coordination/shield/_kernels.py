@@ -17,7 +17,7 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.world import World, length_of, steps_of
 from armtempo.planners.charts.kernels import cell_at
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import inlined, njit
+from armtempo.robots import inlined, uncounted
 
 Orders = NDArray[np.int8]
 
@@ -57,6 +57,7 @@ class ShieldWork(NamedTuple):
     lam: Floats  # (4, A) where arms are, how far they may go, where they stop, and no command
     speeds: Floats  # (parts of a period,)
     wanted: Orders  # (R,) who is to pass first; 2: whoever does
+    unsure: Bools  # (A,) arms that may do less than they are told; see ``take``
     nodes: Orders  # (NODES, R) orders of a search
     settled: Bools  # (NODES, R) which of them stay as they are
     wrong: Bools  # (R,) whether the commands contradict an order
@@ -108,7 +109,7 @@ def limit_now(world: World, tables: ShieldTables, r: int, order: int, lam: Float
     return limit_at(tables.buffer, limit_of(world, tables, r, order), lam[tables.region[r, order, LEADING_ARM]])
 
 
-@njit
+@uncounted
 def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, reach: Floats) -> bool:
     """Whether arms that go as far as the others' places allow, over and over, all arrive; ``lam`` (A,) is where."""
     moved = True
@@ -129,7 +130,7 @@ def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, re
     return True
 
 
-@njit
+@uncounted
 def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
     """Fill arm i's ``braked`` (M, N) and ``before`` (N,), for M stations about equally far apart.
 
@@ -162,7 +163,7 @@ def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
             braked[m, k] = low if d2 > 0.0 else most
 
 
-@njit
+@uncounted
 def stops_before(
     steps: Floats, holdable: bool, braked: Floats, before: Ints, lam: float, mu: float, limit: float, tick: float
 ) -> bool:
@@ -184,13 +185,13 @@ def stops_before(
     return mu * mu <= BRAKING_SAFETY_SQUARED * x  # type: ignore[no-any-return]
 
 
-@njit
+@uncounted
 def row_of(braking: bool) -> int:
     """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
     return 1 if braking else 0
 
 
-@njit
+@uncounted
 def foresee(
     steps: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int,
     i: int, places: Floats, speed: Floats, length: Ints, rest: Bools, speeds: Floats,
@@ -236,7 +237,7 @@ def foresee(
     return k  # type: ignore[no-any-return]
 
 
-@njit
+@uncounted
 def fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,

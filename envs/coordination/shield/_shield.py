@@ -150,6 +150,7 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         speed=np.zeros((2, arms, periods + 1)),
         lam=np.zeros((4, arms)),
         speeds=np.zeros(PARTS_PER_TICK * ticks),
+        unsure=np.zeros(arms, dtype=np.bool_),
         wanted=np.full(regions, NOBODY_WAITS, dtype=np.int8),
         nodes=np.zeros((NODES, regions), dtype=np.int8),
         settled=np.zeros((NODES, regions), dtype=np.bool_),
