@@ -5,7 +5,7 @@ from __future__ import annotations
 from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
 from armtempo.robots._model import ArmModel, Capsules
-from armtempo.robots._numba import borrowing, inlined, njit, unlocked
+from armtempo.robots._numba import inlined, njit, uncounted, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
 from armtempo.robots._urdf_text import principal_moments, urdf_text
@@ -21,7 +21,6 @@ __all__ = [
     "Shape",
     "Tool",
     "Visual",
-    "borrowing",
     "inlined",
     "njit",
     "pack_bodies",
@@ -30,6 +29,7 @@ __all__ = [
     "separation",
     "shape_distance",
     "static_shape",
+    "uncounted",
     "unlocked",
     "urdf_text",
 ]

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 from armtempo.cache import private_folder
 
-__all__ = ["borrowing", "inlined", "njit", "unlocked"]
+__all__ = ["inlined", "njit", "uncounted", "unlocked"]
 
 F = TypeVar("F", bound=Callable[..., object])
 LOG = logging.getLogger("armtempo")
-MARKS = (b"@njit", b"@inlined", b"@unlocked", b"@borrowing")
+MARKS = (b"@njit", b"@inlined", b"@uncounted", b"@unlocked")
 
 
 def kernel_digest(folders: Iterable[Path]) -> str:
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
 
     def inlined(function: F) -> F: ...
 
-    def unlocked(function: F) -> F: ...
+    def uncounted(function: F) -> F: ...
 
-    def borrowing(function: F) -> F: ...
+    def unlocked(function: F) -> F: ...
 
 else:
     import numba
@@ -100,6 +100,7 @@ else:
     inlined = _compiled(inline="always")
     # Lets other threads run meanwhile.
     unlocked = _compiled(nogil=True)
-    # Counts no references to arrays, which can take most of the time of short steps: the callers hold them. It can make
-    # no array (numba says so), and must call nothing that returns one but what is ``inlined``.
-    borrowing = _compiled(_nrt=False)
+    # The same, and counts no references to arrays: each count is an atomic write, and those of the views in short loops
+    # took up to half of the time. Only for what makes no arrays, gives none back, and calls nothing that gives one
+    # back, unless that is inlined: numba refuses the first, a test finds the others.
+    uncounted = _compiled(nogil=True, _nrt=False)

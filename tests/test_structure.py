@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("configs", "robots", "planners", "envs", "agents", "commands")
-KERNELS = {"njit", "inlined", "unlocked", "borrowing"}
+KERNELS = {"njit", "inlined", "uncounted", "unlocked"}
 
 MOST_LINES, MOST_KERNEL_LINES = 60, 80  # without the docstring
 MOST_ARGUMENTS = 8  # outside kernels
@@ -239,6 +239,24 @@ def _functions() -> Iterator[tuple[str, Function, bool]]:
             if isinstance(node, Function):
                 compiled = any(isinstance(one, ast.Name) and one.id in KERNELS for one in node.decorator_list)
                 yield f"{file.relative_to(ROOT).as_posix()}::{node.name}", node, compiled
+
+
+def test_kernels_that_count_no_references_are_given_no_arrays() -> None:
+    """What a counting kernel gives back counts one reference more; who counts none would never take it off again."""
+    scalars = {"None", "bool", "float", "int", "np", "tuple", "uint64"}
+    counting, asked = set(), {}
+    for name, function, compiled in _functions():
+        kinds = {one.id for one in function.decorator_list if isinstance(one, ast.Name)}
+        returned = {one.id for one in ast.walk(function.returns or ast.Tuple([])) if isinstance(one, ast.Name)}
+        if compiled and "inlined" not in kinds and not returned <= scalars:
+            counting.add(function.name)
+        if "uncounted" in kinds:
+            assert returned <= scalars, name
+            calls = [one.func for one in ast.walk(function) if isinstance(one, ast.Call)]
+            asked[name] = {one.id for one in calls if isinstance(one, ast.Name)}
+            asked[name] |= {one.attr for one in calls if isinstance(one, ast.Attribute)}
+    assert {name: called & counting for name, called in asked.items() if called & counting} == {}
+    assert len(asked) > 20
 
 
 def _lines(function: Function) -> int:

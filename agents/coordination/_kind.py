@@ -12,10 +12,11 @@ import numpy as np
 
 from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, FULL_SPEED, make_policy
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES
-from armtempo.agents.coordination._result import CoordinationResult, safe_makespan
+from armtempo.agents.coordination._result import CoordinationResult, counted, safe_makespan
 from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
 from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy, options_for
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationTrace, disturbed_motion
+from armtempo.envs.coordination import time_limit
 from armtempo.errors import InfeasibleError
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
 from armtempo.planners.schedules import clairvoyant
@@ -34,6 +35,7 @@ class CoordinationEpisode:
         changed: Decisions that the shield changed, of ``decided``; both 0 without a shield.
         plan: Of the policy; None: it has none.
         planning_time_s: It took that long [s].
+        time_limit_s: The episode would have been cut off then [s].
     """
 
     trace: CoordinationTrace
@@ -42,6 +44,7 @@ class CoordinationEpisode:
     decided: int
     plan: Schedule | None
     planning_time_s: float | None
+    time_limit_s: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,6 +66,7 @@ class CoordinationRunner:
             decided=sum(info.get("shield_steps", 0) for info in infos.values()),
             plan=self.plan,
             planning_time_s=self.planning_time_s,
+            time_limit_s=limit_of(self.env.cell, self.env.options),
         )
 
     def close(self) -> None:
@@ -119,7 +123,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         traces = [run.trace for run in runs]
         plan = runs[0].plan
         times = tuple(safe_makespan(trace) for trace in traces)
-        makespans = [time for time in times if time is not None]
+        makespans = counted(times, runs[0].time_limit_s)
         makespan = float(np.mean(makespans)) if makespans else None
         clearance = min(float(trace.clearance.min()) for trace in traces)
         decided = sum(run.decided for run in runs)
@@ -141,7 +145,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
             path_error_max_m=max(float(trace.path_error.max()) for trace in traces),
             violations=sum(trace.violations for trace in traces),
             interventions=sum(run.changed for run in runs) / decided if decided else None,
-            finished=len(makespans),
+            finished=sum(time is not None for time in times),
             reward=float(np.mean([run.reward for run in runs])),
             planning_time_s=runs[0].planning_time_s,
             trace=traces[0],
@@ -167,6 +171,8 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
     ) -> tuple[Mapping[str, CoordinationResult], Mapping[str, object]]:
         """Every policy against the best classical on-line one, and against who knows the disturbances beforehand.
 
+        ``best_online`` is that one, ``best`` the quickest of all that ran.
+
         ``clairvoyant_s``, behind a disturbed first arm: in each episode, the makespan of who knows of the disturbance
         beforehand and lets the first arm pass undelayed [s]. Where the first arm yields, less may be possible.
 
@@ -181,54 +187,63 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
                 known = clairvoyant_makespans(env, episodes, seed)
             finally:
                 env.close()
-        best = best_online(results, episodes)
+        best, limit = best_online(results, episodes), limit_of(cell, options)
+        times = {name: counted(result.makespans_s, limit) for name, result in results.items()}
         compared = {
             name: replace(
                 result,
                 saving_percent=result.saving_percent if whole else None,
                 gap_percent=result.gap_percent if whole else None,
                 plan_gap_percent=result.plan_gap_percent if whole else None,
-                regret_percent=_regret(result.makespans_s, known or ()),
-                **_ratio(result.makespans_s, results[best].makespans_s if best else None, seed),
+                regret_percent=_regret(times[name], known or ()),
+                **_ratio(times[name], times[best] if best else [], seed),
             )
             for name, result in results.items()
         }
-        facts: dict[str, object] = {"clairvoyant_s": known, "best_online": best}
+        facts = {"clairvoyant_s": known, "best_online": best, "best": best_of(results, episodes)}
         return compared, facts if whole else {**facts, "sequential_s": None, "lower_bound_s": None}
 
 
 def best_online(results: Mapping[str, CoordinationResult], episodes: int) -> str | None:
     """The classical on-line policy (``ONLINE``) with the smallest mean makespan, of those always safe and there."""
-    good = [
-        (result.makespan_s, name)
-        for name, result in results.items()
-        if name in ONLINE and result.makespan_s is not None and result.finished == episodes
-    ]
-    return min(good)[1] if good else None
+    return best_of({name: result for name, result in results.items() if name in ONLINE}, episodes)
 
 
-def _regret(makespans: Sequence[float | None], known: Sequence[float]) -> float | None:
-    """How far the mean makespan is above that of who knew [%], over the episodes that were finished."""
-    pairs = [(own, best) for own, best in zip(makespans, known, strict=False) if own is not None]
-    if not pairs:
+def best_of(results: Mapping[str, CoordinationResult], episodes: int) -> str | None:
+    """The policy with the smallest mean makespan, of those always safe and there; of equals see ``quickest``."""
+    return quickest(
+        {
+            name: result.makespan_s
+            for name, result in results.items()
+            if result.makespan_s is not None and result.finished == episodes
+        }
+    )
+
+
+def quickest(means: Mapping[str, float]) -> str | None:
+    """Whose mean is the smallest; of equals a classical on-line policy, then the first by name. None: nobody's."""
+    return min(means, key=lambda name: (means[name], name not in ONLINE, name), default=None)
+
+
+def limit_of(cell: CoordinationCell, options: CoordinationOptions) -> float:
+    """After how long an episode is cut off [s]."""
+    return time_limit(cell, options.max_episode_s)[1]
+
+
+def _regret(makespans: Sequence[float], known: Sequence[float]) -> float | None:
+    """How far the mean makespan is above that of who knew [%]."""
+    if not makespans or not known:
         return None
-    own_times, best_times = np.array(pairs).T
-    return 100.0 * (float(own_times.mean() / best_times.mean()) - 1.0)
+    return 100.0 * (float(np.mean(makespans) / np.mean(known)) - 1.0)
 
 
-def _ratio(makespans: Sequence[float | None], best: Sequence[float | None] | None, seed: int) -> dict[str, Any]:
-    """Mean makespan over that of the best on-line policy and its interval, over the episodes that both finished."""
-    pairs = [
-        (own, other)
-        for own, other in zip(makespans, best or (), strict=bool(best))
-        if own is not None and other is not None
-    ]
+def _ratio(makespans: Sequence[float], best: Sequence[float], seed: int) -> dict[str, Any]:
+    """Mean makespan over that of the best on-line policy and its interval."""
     ratio: float | None = None
     interval: Interval | None = None
-    if pairs:
-        own_times, best_times = np.array(pairs).T
-        ratio = float(own_times.mean() / best_times.mean())
-        interval = ratio_interval(own_times, best_times, seed)
+    if makespans and best:
+        ratio = float(np.mean(makespans) / np.mean(best))
+        interval = ratio_interval(makespans, best, seed)
     return {"ratio_to_best_online": ratio, "ratio_interval": interval}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,15 +14,16 @@ from armtempo.planners import Schedule
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoordinationResult:
-    """What a policy did; means over the episodes that finished, worst cases over all. None where there is no number.
+    """What a policy did; means and worst cases over all episodes. None where there is no number.
+
+    An episode that was not finished counts as its time limit, unless none was: then there is no mean.
 
     Attributes:
         plan_makespan_s: Makespan of its plan [s].
         makespan_s: Mean instant at which the last arm arrived [s].
         makespans_s: That instant in each episode [s]; None where an arm did not arrive or two came too close.
         makespan_interval_s: 95 % bootstrap interval of the mean [s].
-        ratio_to_best_online: Mean makespan over that of the best classical on-line policy, over the episodes that both
-            finished; None without such episodes.
+        ratio_to_best_online: Mean makespan over that of the best classical on-line policy.
         ratio_interval: 95 % bootstrap interval of that ratio.
         saving_percent: Share of the sequential time (minimum times added) that it saves. None where episodes start on
             the way, and so is
@@ -35,7 +37,7 @@ class CoordinationResult:
         path_error_max_m: Largest distance of a tip from its reference on the path [m].
         violations: Ticks with a clearance below d_min, all episodes together (an episode ends on its first).
         interventions: Share of the decisions that the shield changed; None without a shield.
-        finished: Episodes in which all arms arrived.
+        finished: Episodes in which all arms arrived and none came too close.
         reward: Mean reward, all arms together.
         planning_time_s: Time to plan [s]; on-line policies plan while they act.
         trace: Of the first episode.
@@ -61,7 +63,7 @@ class CoordinationResult:
     path_error_max_m: float = figure("path\nerr. [mm]", scale=1e3)
     violations: int = figure("too close\n[ticks]", form="mishaps")
     interventions: float | None = figure("shield\n[% changed]", digits=2, scale=100.0, known=True)
-    finished: int = figure()
+    finished: int = figure("finished", form="episodes", several=True)
     reward: float = figure()
     planning_time_s: float | None = figure()
     trace: CoordinationTrace = field(repr=False)
@@ -70,6 +72,13 @@ class CoordinationResult:
     def to_dict(self) -> dict[str, Any]:
         """The numbers, by name."""
         return numbers_of(self)
+
+
+def counted(makespans: Sequence[float | None], time_limit_s: float) -> list[float]:
+    """Makespans [s] as means take them: what was not finished took as long as it may; none, if nothing was finished."""
+    if all(makespan is None for makespan in makespans):
+        return []
+    return [time_limit_s if makespan is None else makespan for makespan in makespans]
 
 
 def safe_makespan(trace: CoordinationTrace) -> float | None:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
 
 from armtempo.agents.coordination._baselines import FULL_SPEED, make_policy
-from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans
+from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans, limit_of, quickest
 from armtempo.agents.coordination._result import safe_makespan
 from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
-from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy
+from armtempo.agents.policies import Actions, Observations, Policy, find_agent, is_agent_name, learned_policy
+from armtempo.arrays import Floats
 from armtempo.envs import CoordinationEnv, Physics
+from armtempo.envs.coordination.world import ACTION_FORMS, ActionForm
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, schedule
 
@@ -38,6 +42,7 @@ class CellComparison:
         violations: By policy, ticks below ``d_min``.
         clairvoyant_s: Makespans of who knows each disturbance beforehand [s]; undisturbed: of ``optimal`` as planned.
             None where none was found.
+        time_limit_s: When episodes are cut off [s]: what was not finished counts so much in means and ratios.
     """
 
     cell: str
@@ -46,12 +51,26 @@ class CellComparison:
     makespans_s: dict[str, Times]
     violations: dict[str, int]
     clairvoyant_s: tuple[float, ...] | None
+    time_limit_s: float
 
     @property
     def best_online(self) -> str | None:
         """The classical on-line policy with the smallest mean makespan of those that finished every episode."""
-        means = [(float(np.mean(times)), name) for name, times in self._finished() if name in ONLINE]
-        return min(means)[1] if means else None
+        return quickest({name: mean for name, mean in self._means().items() if name in ONLINE})
+
+    @property
+    def best(self) -> str | None:
+        """The policy with the smallest mean makespan of all that finished every episode; classical ones first."""
+        return quickest(self._means())
+
+    def mean_of(self, name: str | None) -> float | None:
+        """Mean makespan of a policy that finished every episode [s]."""
+        return None if name is None else self._means().get(name)
+
+    def counted(self, name: str) -> list[float] | None:
+        """The makespans of a policy [s], the time limit where it did not finish; None: it has no plan here."""
+        times = self.makespans_s.get(name)
+        return None if times is None else [self.time_limit_s if time is None else time for time in times]
 
     def record(self) -> dict[str, Any]:
         """As JSON can hold it, units in the keys."""
@@ -60,6 +79,8 @@ class CellComparison:
             "class": self.priority_class,
             "arms": self.arms,
             "best_online": self.best_online,
+            "best": self.best,
+            "time_limit_s": self.time_limit_s,
             "makespans_s": self.makespans_s,
             "violations": self.violations,
             "clairvoyant_s": self.clairvoyant_s,
@@ -76,15 +97,13 @@ class CellComparison:
             makespans_s={name: tuple(times) for name, times in record["makespans_s"].items()},
             violations=dict(record["violations"]),
             clairvoyant_s=None if known is None else tuple(known),
+            time_limit_s=record["time_limit_s"],
         )
 
-    def _finished(self) -> list[tuple[str, list[float]]]:
-        found = []
-        for name, times in self.makespans_s.items():
-            there = [time for time in times if time is not None]
-            if len(there) == len(times):
-                found.append((name, there))
-        return found
+    def _means(self) -> dict[str, float]:
+        """Of those that finished every episode [s]."""
+        times = {name: [time for time in own if time is not None] for name, own in self.makespans_s.items()}
+        return {name: float(np.mean(own)) for name, own in times.items() if len(own) == len(self.makespans_s[name])}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,44 +126,55 @@ class SplitComparison:
             for size in sizes
         }
 
-    def pairs(self, name: str, against: str) -> list[tuple[float, float]]:
-        """Makespans of a policy and of another (``best_online``, ``clairvoyant``, or a policy), episode by episode.
+    def pairs(self, name: str, against: str) -> tuple[Floats, Floats]:
+        """Makespans (C, n) [s] of a policy and of another (``best_online``, ``clairvoyant``, or a policy).
 
-        From cells where both are there; episodes that the first did not finish are left out.
+        From the C cells where both are there, n episodes of each; what was not finished took until the time limit.
         """
         found = []
         for one in self.cells:
-            other: Sequence[float | None] | None
+            other: Sequence[float] | None
             if against == "clairvoyant":
                 other = one.clairvoyant_s
             else:
                 key = one.best_online if against == "best_online" else against
-                other = None if key is None else one.makespans_s.get(key)
-            own = one.makespans_s.get(name)
+                other = None if key is None else one.counted(key)
+            own = one.counted(name)
             if own is not None and other is not None:
-                found += [(a, b) for a, b in zip(own, other, strict=True) if a is not None and b is not None]
-        return found
+                found.append((own, other))
+        return np.array([own for own, _ in found]), np.array([other for _, other in found])
 
     def ratio(self, name: str, against: str) -> tuple[float, Interval] | None:
-        """Mean makespan over the mean of the other's, with its 95 % bootstrap interval; None without such episodes."""
-        pairs = self.pairs(name, against)
-        if not pairs:
+        """Mean makespan over the mean of the other's, with its 95 % bootstrap interval; None without such episodes.
+
+        Drawn are cells, and then episodes of each.
+        """
+        own, other = self.pairs(name, against)
+        if not own.size or not self._finishes(name) or not self._finishes(against):
             return None
-        own, other = np.array(pairs).T
         return float(own.mean() / other.mean()), ratio_interval(own, other, self.seed)
 
+    def _finishes(self, name: str) -> bool:
+        """Whether any episode was finished; always where that is not a policy's name."""
+        times = [time for one in self.cells for time in one.makespans_s.get(name, ())]
+        return not times or any(time is not None for time in times)
+
     def figures(self, name: str) -> dict[str, Any]:
-        """A policy's row: cells with a plan, episodes, those finished, violations, mean makespan, ratios."""
+        """A policy's row: cells with a plan, those where it is best, episodes, those finished or not, mean, ratios."""
         there = [one for one in self.cells if name in one.makespans_s]
         times = [time for one in there for time in one.makespans_s[name]]
-        done = [time for time in times if time is not None]
+        done = sum(time is not None for time in times)
+        makespans = [time for one in there for time in one.counted(name) or ()] if done else []
         ratios = {f"ratio_to_{key}": self.ratio(name, what) for key, what in AGAINST.items()}
         return {
             "cells": len(there),
+            "best_in_cells": sum(one.best == name for one in there),
+            "best_online_in_cells": sum(one.best_online == name for one in there),
             "episodes": len(times),
-            "finished": len(done),
+            "finished": done,
+            "unfinished": len(times) - done,
             "violations": sum(one.violations[name] for one in there),
-            "makespan_s": float(np.mean(done)) if done else None,
+            "makespan_s": float(np.mean(makespans)) if makespans else None,
             **ratios,
         }
 
@@ -164,7 +194,8 @@ def compare_on(
     Args:
         cells: Where.
         policies: Out of ``SPLIT_POLICIES``, or learned agents (``ppo:NAME``, ``ppo:FILE.npz``). Those that plan by
-            priority get the order of the arms with the better plan.
+            priority get the order of the arms with the better plan. Agents act in the form that they were trained with
+            (``action="speed+priority"``, say), beside the others.
         episodes: Per cell and policy; without a disturbance one says it all.
         seed: Of the first episode.
         disturbance: By name, see ``DISTURBANCES``.
@@ -182,21 +213,33 @@ def compare_on(
         raise InputError(f"episodes must be at least 1, got {episodes}")
     compared = []
     for cell in cells:
-        env = CoordinationEnv(cell, physics=physics, shield=True, disturbance=disturbance, record=True)
-        try:
-            compared.append(_compare(env, policies, episodes, seed))
-        finally:
-            env.close()
+        with ExitStack() as opened:
+
+            def env_of(
+                action: ActionForm, cell: CoordinationCell = cell, opened: ExitStack = opened
+            ) -> CoordinationEnv:
+                env = CoordinationEnv(
+                    cell, physics=physics, action=action, shield=True, disturbance=disturbance, record=True
+                )
+                opened.callback(env.close)
+                return env
+
+            compared.append(_compare(cache(env_of), policies, episodes, seed))
         if on_cell is not None:
             on_cell(cell.name)
     return SplitComparison(cells=tuple(compared), seed=seed)
 
 
-def _compare(env: CoordinationEnv, policies: Sequence[str], episodes: int, seed: int) -> CellComparison:
-    cell = env.cell
+def _compare(
+    env_of: Callable[[ActionForm], CoordinationEnv], policies: Sequence[str], episodes: int, seed: int
+) -> CellComparison:
+    """``env_of``: the environment of the cell for a form of actions."""
+    usual = env_of("speed")
+    cell = usual.cell
     makespans: dict[str, Times] = {}
     violations: dict[str, int] = {}
     for name in policies:
+        env = env_of(_action_form(name))
         policy = _policy(name, env)
         if policy is None:
             continue
@@ -209,8 +252,15 @@ def _compare(env: CoordinationEnv, policies: Sequence[str], episodes: int, seed:
         arms=len(cell.arms),
         makespans_s=makespans,
         violations=violations,
-        clairvoyant_s=_known(env, episodes, seed),
+        clairvoyant_s=_known(usual, episodes, seed),
+        time_limit_s=limit_of(cell, usual.options),
     )
+
+
+def _action_form(name: str) -> ActionForm:
+    """In which a policy acts; raises as ``find_agent``."""
+    form = find_agent(name).header.settings.get("action", "speed") if is_agent_name(name) else "speed"
+    return form if form in ACTION_FORMS else "speed"  # of another kind of cell, or a later version: refused as such
 
 
 def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | None:

@@ -7,7 +7,12 @@ from typing import Any
 
 import torch
 
+from armtempo.agents.training._graph_policy import NODE_NUMBERS
 from armtempo.configs import ImitationConfig
+from armtempo.envs import GRAPH_ARMS, NODE_ENTRIES
+
+AT_REST = [entry.name for entry in NODE_ENTRIES].index("at_rest")
+RESTING_COUNTS_MORE = 3.0  # arms that move go on: it is those at rest that have to choose
 
 
 def imitate(
@@ -24,7 +29,8 @@ def imitate(
     """
     policy, generator = model.policy, torch.Generator().manual_seed(seed)
     rows, wanted, returns = (torch.as_tensor(part) for part in (shown.rows, shown.actions, shown.returns))
-    acts = (wanted != 0.0).to(wanted.dtype)
+    nodes = rows[:, :NODE_NUMBERS].reshape(len(rows), GRAPH_ARMS, -1)
+    acts = (wanted != 0.0).to(wanted.dtype) * (1.0 + RESTING_COUNTS_MORE * nodes[..., AT_REST])
     optimizer = torch.optim.Adam(policy.parameters(), lr=config.learning_rate)
     error = 0.0
     for number in range(1, config.passes + 1):

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from armtempo.agents import SplitComparison
     from armtempo.planners.instances import BenchmarkInstance
 
+MOST_CELLS_LISTED = 40  # one by one; more are in JSON alone
+RECORD_FORMAT = 2  # of what is kept of a cell: raise it with ``CellComparison.record``
 DEFAULT_POLICIES = ("delay", "vci", "phase-plane", "search", "search+stop", "optimal", "ppo:generalist")
 
 
@@ -76,9 +78,10 @@ def bench_agents(
 ) -> None:
     """Run policies in the feasible cells of a split, all under the shield, and compare their makespans.
 
-    A ratio is of mean makespans over the same episodes, with its 95 % bootstrap interval: to the best classical on-line
-    policy of each cell, of those asked for (those that plan by priority in their best order of the arms), to full speed
-    under the shield, and to who knows beforehand what happens to the first arm. One table per number of arms.
+    A ratio is of mean makespans over the same episodes, with its 95 % bootstrap interval over cells and the episodes of
+    each: to the best classical on-line policy of each cell, of those asked for (those that plan by priority in their
+    best order of the arms), to full speed under the shield, and to who knows beforehand what happens to the first arm.
+    What is not finished counts as the time limit. One table per number of arms, and one of who is best in each cell.
 
     Args:
         choice: Which cells.
@@ -104,7 +107,8 @@ def bench_agents(
         "disturbance": None if disturbance == "none" else disturbance,
     }  # fmt: skip
     with kept_results(
-        "bench agents", {**asdict(choice), "policies": policies, "files": file_digests(policies), **asked}
+        "bench agents",
+        {**asdict(choice), "policies": policies, "files": file_digests(policies), **asked, "format": RECORD_FORMAT},
     ) as kept:
         output.taken_over(kept)
         cells: list[CellComparison] = []
@@ -142,16 +146,34 @@ def _show_by_arms(
         _show(own, policies, f"{arms} arms, {what}", output)
     if len(by_arms) > 1:
         _show(compared, policies, what, output)
+    _show_best(compared, output)
     return by_arms
+
+
+def _show_best(compared: SplitComparison, output: Output) -> None:
+    """One row per cell: the best classical on-line policy there, and the best of all that ran."""
+    if len(compared.cells) > MOST_CELLS_LISTED:
+        output.say(f"Who is best in each of the {len(compared.cells)} cells: in JSON, --json FILE.")
+        return
+    table = new_table("Who is best in each cell", "mean makespans of those that finished every episode")
+    for head in ("cell", "arms", "best on line", "\\[s]", "best of all", "\\[s]"):
+        table.add_column(head, justify="right" if head in ("arms", "\\[s]") else "left")
+    for one in compared.cells:
+        row = (one.best_online, one.best)
+        shown = [text for name in row for text in (name or "–", number(one.mean_of(name), 4))]
+        table.add_row(one.cell, str(one.arms), *shown)
+    output.table(table)
 
 
 def _show(compared: SplitComparison, policies: Sequence[str], what: str, output: Output) -> None:
     """One row per policy."""
     table = new_table(
         f"{len(compared.cells)} cells ({what})",
-        "ratios of mean makespans over the episodes that both finished, with 95 % bootstrap intervals",
+        "ratios of mean makespans over the same episodes, with 95 % bootstrap intervals over cells and then episodes; "
+        "an episode that was not finished counts as its time limit",
     )
-    for head in ("policy", "cells\nwith a plan", "finished", "too close\n\\[ticks]", "makespan\n\\[s]"):
+    counts = ("policy", "cells\nwith a plan", "best in\n(on line)", "finished", "too close\n\\[ticks]")
+    for head in (*counts, "makespan\n\\[s]"):
         table.add_column(head, justify="left" if head == "policy" else "right", no_wrap=head == "policy")
     for head in ("to the best\non-line rule", "to full\nspeed", "to who\nknows"):
         table.add_column(head, justify="right")
@@ -159,7 +181,8 @@ def _show(compared: SplitComparison, policies: Sequence[str], what: str, output:
         one = compared.figures(name)
         ratios = [one[f"ratio_to_{key}"] for key in ("best_online", "full_speed", "clairvoyant")]
         table.add_row(
-            name, str(one["cells"]), f"{one['finished']} of {one['episodes']}", str(one["violations"]),
+            name, str(one["cells"]), f"{one['best_in_cells']} ({one['best_online_in_cells']})",
+            f"{one['finished']} of {one['episodes']}", str(one["violations"]),
             number(one["makespan_s"], 4),
             *("–" if r is None else f"{r[0]:.4f}\n({r[1][0]:.3f}–{r[1][1]:.3f})" for r in ratios),
         )  # fmt: skip

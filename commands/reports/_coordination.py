@@ -91,7 +91,21 @@ def summary_sentence(evaluation: CoordinationEvaluation) -> str:
     ahead = ""
     if known:
         ahead = f"Who knows beforehand what happens to the first arm takes {sum(known) / len(known):.4f} s (mean).\n"
-    return ahead + _about_the_arms(evaluation)
+    return ahead + _best_ones(evaluation) + _about_the_arms(evaluation)
+
+
+def _best_ones(evaluation: CoordinationEvaluation) -> str:
+    """The best on-line policy and the best of all, of those that finished every episode; how many did not."""
+    text = ""
+    for what, name in (("on line", evaluation.facts["best_online"]), ("of all", evaluation.facts["best"])):
+        if name is not None:
+            text += f"{'best' if text else 'Best'} {what}: {name} ({evaluation.results[name].makespan_s:.4f} s); "
+    text = f"{text[:-2]}.\n" if text else ""
+    missing = {name: evaluation.episodes - r.finished for name, r in evaluation.results.items() if r.finished}
+    unfinished = [f"{name} {count}" for name, count in missing.items() if count]
+    if unfinished:
+        text += f"Not finished, and counted as the time limit: {', '.join(unfinished)} of {evaluation.episodes}.\n"
+    return text
 
 
 def _about_the_arms(evaluation: CoordinationEvaluation) -> str:

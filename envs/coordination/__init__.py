@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from armtempo.envs.coordination._batch import REWARDS, BatchSimulation
+from armtempo.envs.coordination._episode import time_limit
 from armtempo.envs.coordination._multi_agent_env import CoordinationEnv
 from armtempo.envs.coordination._shield_wrappers import ShieldParallelWrapper, ShieldWrapper
 from armtempo.envs.coordination._vector_envs import CoordinationVectorEnv, YieldingVectorEnv
@@ -20,4 +21,5 @@ __all__ = [
     "ShieldWrapper",
     "YieldingEnv",
     "YieldingVectorEnv",
+    "time_limit",
 ]

@@ -13,7 +13,7 @@ from armtempo.errors import PathError
 from armtempo.planners.charts._arm_sweep import world_axes
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.robots import Arm, Bodies, kernels, njit, pack_bodies, separation
+from armtempo.robots import Arm, Bodies, kernels, njit, pack_bodies, separation, uncounted
 
 NODES_PER_PATH = 513
 TABLE_VERSION = 1  # of the content: raise it when the same input may get another table
@@ -132,7 +132,7 @@ def _fill(side_a: _Side, side_b: _Side, exact_below: float, out: Floats) -> None
             out[a, b] = best
 
 
-@njit
+@uncounted
 def tabulated_clearance(table: ClearanceTable, lam_a: float, lam_b: float) -> float:
     """The distance [m] at a pair of positions."""
     last = table.distance.shape[0] - 1

@@ -29,7 +29,7 @@ from armtempo.planners.topp._rows import (
     WHOLE_SLOPE,
     end_row,
 )
-from armtempo.robots import borrowing, inlined, njit
+from armtempo.robots import inlined, uncounted
 
 STATION_ROUNDING = 1e-12  # of the path: nearer to a station, or to the end of a piece, than this is there
 TIME_ROUNDING = 1e-9  # of the time asked for: a rest so short is none
@@ -59,7 +59,7 @@ def upper_edge(steps: Floats, i: int, w: float) -> float:
     return float(steps[i, EDGE_HIGH] + w * (steps[i, EDGE_HIGH_NEXT] - steps[i, EDGE_HIGH]))
 
 
-@borrowing
+@uncounted
 def _viscous_bounds(a: float, b: float, r: float, low: float, high: float, x: float, d2: float) -> tuple[float, float]:
     """Bounds of ``u`` from one row with friction, met after travelling ``d2 / 2`` from ``x``."""
     if d2 <= 0.0:
@@ -101,7 +101,7 @@ def bounds_in(steps: Floats, i: int, w: float, x: float, d2: float) -> tuple[flo
     return lowest, highest
 
 
-@njit
+@uncounted
 def edge_speed(steps: Floats, lam: float) -> float:
     """``mu*``, the largest speed at ``lam`` from which the end can be met."""
     i = interval_at(steps, lam)
@@ -109,7 +109,7 @@ def edge_speed(steps: Floats, lam: float) -> float:
     return float(np.sqrt(max(upper_edge(steps, i, w), 0.0)))
 
 
-@njit
+@uncounted
 def acceleration_bounds(steps: Floats, lam: float, x: float) -> tuple[float, float]:
     """LB and UB (Lee1991 eq. 9): what the limits at ``(lam, x)`` alone allow."""
     i = interval_at(steps, lam)
@@ -215,7 +215,7 @@ def _whole_interval(
     return float(low if command == 0.0 else min(max(goal_share * edge, low), high))
 
 
-@borrowing
+@uncounted
 def advance(
     steps: Floats,
     lam: float,
@@ -299,7 +299,7 @@ def advance(
     return lam, mu, used
 
 
-@njit
+@uncounted
 def record_pieces(
     steps: Floats, lam: float, mu: float, command: float, by_speed: bool, dt: float, record: Floats, share: float = 1.0
 ) -> tuple[float, float, float, int]:

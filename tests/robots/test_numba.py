@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from numba.core.errors import NumbaError
 
 import armtempo
 from armtempo.arrays import Floats
-from armtempo.robots import borrowing, njit
-from armtempo.robots._numba import kernel_digest
+from armtempo.robots._numba import kernel_digest, uncounted
 
+numba: Any = importlib.import_module("numba")  # with untyped functions
 CALLEE = "from armtempo.robots._numba import njit\n\n\n@njit\ndef callee(x):\n    return x + {}\n"
 CALLER = (
     "from armtempo.robots._callee import callee\nfrom armtempo.robots._numba import njit\n\n\n"
@@ -33,6 +34,31 @@ from armtempo.robots._caller import caller
 value = caller(1)
 print(value, sum(caller.stats.cache_hits.values()))
 """
+
+
+@uncounted
+def _sums(rows: Floats, out: Floats) -> None:
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        out[i] = row[: row.shape[0]].sum()
+
+
+@uncounted
+def _makes_one(rows: Floats) -> float:
+    return np.zeros(rows.shape[0]).sum()  # type: ignore[no-any-return]
+
+
+def test_kernels_that_count_no_references_leave_them_as_they_were() -> None:
+    rows, out = np.arange(12.0).reshape(3, 4), np.zeros(3)
+    _sums(rows, out)
+    before = sys.getrefcount(rows), sys.getrefcount(out)
+    for _ in range(10):
+        _sums(rows, out)
+    assert (sys.getrefcount(rows), sys.getrefcount(out)) == before
+    assert (out == rows.sum(axis=1)).all()
+    if not numba.config.DISABLE_JIT:
+        with pytest.raises(numba.core.errors.NumbaError, match="Only accept returning of array"):
+            _makes_one(rows)
 
 
 def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None:
@@ -90,32 +116,3 @@ def test_only_files_with_kernels_count(tmp_path: Path) -> None:
     assert kernel_digest([tmp_path]) == before
     (tmp_path / "one.py").write_text("@njit\ndef one(): pass\n")
     assert kernel_digest([tmp_path]) != before
-
-
-@borrowing
-def _sum_of_half(values: Floats) -> float:
-    total = 0.0
-    for value in values[: values.shape[0] // 2]:
-        total += value
-    return total
-
-
-@borrowing
-def _made(count: int) -> float:
-    return np.zeros(count)[0]  # type: ignore[no-any-return]
-
-
-@njit
-def _of_a_new_one(count: int) -> float:
-    values = np.arange(float(count))
-    return _sum_of_half(values) + _sum_of_half(values[1:])
-
-
-def test_what_borrows_counts_no_references_and_makes_no_arrays() -> None:
-    values = np.arange(6.0)
-    before = sys.getrefcount(values)
-    assert _sum_of_half(values) == 3.0
-    assert sys.getrefcount(values) == before
-    assert [_of_a_new_one(6) for _ in range(3)] == [3.0 + 3.0] * 3
-    with pytest.raises(NumbaError, match="array"):
-        _made(3)

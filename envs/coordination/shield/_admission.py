@@ -25,7 +25,7 @@ from armtempo.envs.coordination.shield._kernels import (
 from armtempo.envs.coordination.shield._turning import begin, take, turn_for
 from armtempo.envs.coordination.world import World, steps_of
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import borrowing
+from armtempo.robots import uncounted
 
 COMMAND_STEPS = 1024  # commands that are cut are whole parts of this: exact in float32, and as actions
 MOST_GUESSES = 8  # of one command, then the rest is halved
@@ -34,7 +34,7 @@ FEW_PERIODS = 2  # in which an arm that stands and goes on as little as can be i
 CUTTING_SWEEPS = 8  # after which arms that still do not fit brake
 
 
-@borrowing
+@uncounted
 def _guess(
     own: Floats, by_speed: bool, tick: float, ticks: int, lam: float, mu: float, low: int, high: int, braked: Floats,
     before: Ints, limit: float, aim: float, none: Floats,
@@ -53,7 +53,7 @@ def _guess(
     return max(low, least)
 
 
-@borrowing
+@uncounted
 def _cut(
     world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
@@ -116,7 +116,7 @@ def _cut(
     commands[i], length[COMMANDED, i] = low / COMMAND_STEPS, 0
 
 
-@borrowing
+@uncounted
 def admit(
     world: World,
     tables: ShieldTables,

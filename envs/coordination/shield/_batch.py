@@ -8,7 +8,7 @@ from armtempo.envs.coordination.shield._kernels import Orders, ShieldTables, Shi
 from armtempo.envs.coordination.shield._stops_seen import StopsSeen, note_commands
 from armtempo.envs.coordination.shield._turning import first_orders, set_wanted
 from armtempo.envs.coordination.world import START_ATTEMPTS, Draws, Episodes, World, draw
-from armtempo.robots import njit, unlocked
+from armtempo.robots import njit, uncounted, unlocked
 
 
 @njit
@@ -29,7 +29,7 @@ def draw_shielded(
     return -1
 
 
-@unlocked
+@uncounted
 def admit_all(
     world: World, tables: ShieldTables, episodes: Episodes, first: int, last: int, active: Bools, orders: Orders,
     asked: Orders, priority: Floats, scripted: Bools, uncertain: Bools, ticks: int, commands: Floats,

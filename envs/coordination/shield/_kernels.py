@@ -17,7 +17,7 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.envs.coordination.world import World, length_of, steps_of
 from armtempo.planners.charts.kernels import cell_at
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import borrowing, inlined, njit
+from armtempo.robots import inlined, njit, uncounted
 
 Orders = NDArray[np.int8]
 
@@ -111,7 +111,7 @@ def limit_now(world: World, tables: ShieldTables, r: int, order: int, lam: Float
     return limit_at(tables.buffer, limit_of(world, tables, r, order), lam[tables.region[r, order, LEADING_ARM]])
 
 
-@borrowing
+@uncounted
 def feasible(world: World, tables: ShieldTables, orders: Orders, lam: Floats, reach: Floats) -> bool:
     """Whether arms that go as far as the others' places allow, over and over, all arrive; ``lam`` (A,) is where."""
     moved = True
@@ -165,7 +165,7 @@ def fill_braked(world: World, i: int, braked: Floats, before: Ints) -> None:
             braked[m, k] = low if d2 > 0.0 else most
 
 
-@borrowing
+@uncounted
 def stops_before(
     steps: Floats, holdable: bool, braked: Floats, before: Ints, lam: float, mu: float, limit: float, tick: float
 ) -> bool:
@@ -181,7 +181,7 @@ def stops_before(
     return m >= 0 and mu * mu <= BRAKING_SAFETY_SQUARED * _at_most(steps, braked, m, lam)
 
 
-@borrowing
+@uncounted
 def speed_to_stop(steps: Floats, braked: Floats, before: Ints, lam: float, limit: float) -> float:
     """About the largest square of a speed from which an arm at ``lam`` stops before a limit: a guess, no bound."""
     if lam >= limit:
@@ -206,13 +206,13 @@ def _at_most(steps: Floats, braked: Floats, m: int, lam: float) -> float:
     return float(x + (lam - begin) / (stop - begin) * (braked[m, k + 1] - x))
 
 
-@borrowing
+@uncounted
 def row_of(braking: bool) -> int:
     """Of ``work``: 0 under the command, 1 braking; a number written in a call would compile a copy of what it calls."""
     return 1 if braking else 0
 
 
-@borrowing
+@uncounted
 def foresee(
     steps: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, until: int, row: int,
     i: int, places: Floats, speed: Floats, length: Ints, rest: Bools, speeds: Floats,
@@ -258,7 +258,7 @@ def foresee(
     return k  # type: ignore[no-any-return]
 
 
-@borrowing
+@uncounted
 def fits(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, work: ShieldWork,
@@ -322,7 +322,7 @@ def fits(
                 return True
 
 
-@borrowing
+@uncounted
 def fill_limits(
     world: World, tables: ShieldTables, orders: Orders, i: int, lam: Floats, mu: Floats, commands: Floats,
     unsure: Bools, parts: int, until: int, work: ShieldWork,
@@ -361,7 +361,7 @@ def fill_limits(
     return known
 
 
-@borrowing
+@uncounted
 def first_past(
     own: Floats, by_speed: bool, holdable: bool, tick: float, command: float, parts: int, i: int, limits: Floats,
     known: int, braked: Floats, before: Ints, far: Floats, far_speed: Floats, back: Floats, back_speed: Floats,
@@ -403,7 +403,7 @@ def first_past(
     return 0
 
 
-@borrowing
+@uncounted
 def aim_behind(
     own: Floats, by_speed: bool, holdable: bool, tick: float, parts: int, i: int, k: int, limit: float, far: Floats,
     back: Floats, back_speed: Floats, length: Ints, rest: Bools, speeds: Floats,

@@ -152,6 +152,7 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         fitting=np.zeros(regions, dtype=np.bool_),
         lam=np.zeros((4, arms)),
         speeds=np.zeros(PARTS_PER_TICK * ticks),
+        unsure=np.zeros(arms, dtype=np.bool_),
         wanted=np.full(regions, NOBODY_WAITS, dtype=np.int8),
         nodes=np.zeros((NODES, regions), dtype=np.int8),
         settled=np.zeros((NODES, regions), dtype=np.bool_),
@@ -162,7 +163,6 @@ def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
         turnable=np.zeros(regions, dtype=np.int8),
         circle=np.zeros(arms, dtype=np.int64),
         arms=np.zeros(arms, dtype=np.int64),
-        unsure=np.zeros(arms, dtype=np.bool_),
     )
 
 

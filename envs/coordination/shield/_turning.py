@@ -32,21 +32,21 @@ from armtempo.envs.coordination.shield._kernels import (
     row_of,
 )
 from armtempo.envs.coordination.world import World, length_of, steps_of
-from armtempo.robots import borrowing, njit
+from armtempo.robots import uncounted
 
 NODES = 48  # sets of turns that a search looks at, at most
 NOT_YET = 2  # whether an order can be turned: beside 0 and 1, not looked at yet
 HERE, FARTHEST, STOPS, NO_COMMANDS = range(4)  # rows of ``ShieldWork.lam``
 
 
-@borrowing
-def _copy(source: Floats | Orders | Bools, target: Floats | Orders | Bools) -> None:
-    """Fill ``target`` (K,): numba would look whether they overlap, and make an array."""
+@uncounted
+def put(source: Floats | Orders | Bools, target: Floats | Orders | Bools) -> None:
+    """``target[:] = source``, one-dimensional; numba would make an array for the case that they overlap."""
     for k in range(target.shape[0]):
         target[k] = source[k]
 
 
-@borrowing
+@uncounted
 def begin(lam: Floats, mu: Floats, work: ShieldWork) -> None:
     """Nothing is foreseen yet of arms that are at ``lam`` with ``mu`` (A,)."""
     for row in range(2):
@@ -54,14 +54,14 @@ def begin(lam: Floats, mu: Floats, work: ShieldWork) -> None:
             work.places[row, i, 0], work.speed[row, i, 0], work.length[row, i] = lam[i], mu[i], 0
 
 
-@borrowing
+@uncounted
 def _behind(world: World, tables: ShieldTables, r: int, order: int, lam: Floats) -> bool:
     """Whether the arm that would wait in region r is behind its limit where it is."""
     i = tables.region[r, order, WAITING_ARM]
     return lam[i] <= limit_now(world, tables, r, order, lam) - LIMIT_MARGIN_SHARE * length_of(world, i)  # type: ignore[no-any-return]
 
 
-@borrowing
+@uncounted
 def _can_turn(
     world: World, tables: ShieldTables, r: int, order: int, orders: Orders, lam: Floats, mu: Floats, commands: Floats,
     scripted: Bools, unsure: Bools, parts: int, work: ShieldWork,
@@ -73,7 +73,7 @@ def _can_turn(
     return fits(world, tables, r, order, orders, lam, mu, commands, unsure, parts, work)
 
 
-@borrowing
+@uncounted
 def _stops(world: World, tables: ShieldTables, mu: Floats, unsure: Bools, parts: int, work: ShieldWork) -> None:
     """Fill where all arms come to rest if they brake from now on."""
     for i in range(mu.shape[0]):
@@ -86,7 +86,7 @@ def _stops(world: World, tables: ShieldTables, mu: Floats, unsure: Bools, parts:
         work.lam[STOPS, i] = work.places[row, i, stop]
 
 
-@borrowing
+@uncounted
 def _circle(world: World, tables: ShieldTables, orders: Orders, work: ShieldWork) -> int:
     """Fill ``work.circle`` with regions whose arms wait for each other where they have got (``HERE``); how many."""
     here, holds, seen = work.lam[HERE], work.arms, work.circle
@@ -116,7 +116,7 @@ def _circle(world: World, tables: ShieldTables, orders: Orders, work: ShieldWork
             return 1
 
 
-@borrowing
+@uncounted
 def _search(
     world: World, tables: ShieldTables, orders: Orders, lam: Floats, mu: Floats, commands: Floats, scripted: Bools,
     unsure: Bools, parts: int, most: int, work: ShieldWork,
@@ -129,7 +129,7 @@ def _search(
     count, at = 1, 0
     turns[0] = 0
     while at < count:
-        _copy(work.lam[STOPS], work.lam[HERE])
+        put(work.lam[STOPS], work.lam[HERE])
         if feasible(world, tables, nodes[at], work.lam[HERE], work.lam[FARTHEST]):
             return at
         found = _circle(world, tables, nodes[at], work) if turns[at] < most else 0
@@ -147,15 +147,16 @@ def _search(
             if work.turnable[r] == 1:
                 if count == nodes.shape[0]:
                     return -2
-                _copy(nodes[at], nodes[count])
-                _copy(settled[at], settled[count])
-                nodes[count, r], turns[count] = other, turns[at] + 1
+                put(nodes[at], nodes[count])
+                put(settled[at], settled[count])
+                turns[count] = turns[at] + 1
+                nodes[count, r] = other
                 count += 1
         at += 1
     return -1
 
 
-@borrowing
+@uncounted
 def set_wanted(tables: ShieldTables, asked: Orders, priority: Floats, wanted: Orders) -> None:
     """Fill ``wanted`` (R,): the arm with the higher number first; where they are equal as ``asked`` (2: either)."""
     for r in range(wanted.shape[0]):
@@ -165,14 +166,14 @@ def set_wanted(tables: ShieldTables, asked: Orders, priority: Floats, wanted: Or
             wanted[r] = 0 if priority[a] > priority[b] else 1
 
 
-@borrowing
+@uncounted
 def _begin_search(tables: ShieldTables, orders: Orders, scripted: Bools, work: ShieldWork) -> None:
     for r in range(orders.shape[0]):
         work.nodes[0, r], work.turnable[r] = orders[r], NOT_YET
         work.settled[0, r] = orders[r] == NOBODY_WAITS
 
 
-@borrowing
+@uncounted
 def take(
     world: World, tables: ShieldTables, orders: Orders, wanted: Orders, lam: Floats, mu: Floats, scripted: Bools,
     uncertain: Bools, ticks: int, work: ShieldWork,
@@ -200,21 +201,21 @@ def take(
     _stops(world, tables, mu, unsure, parts, work)
     found = _search(world, tables, orders, lam, mu, none, scripted, unsure, parts, asked - 1, work)
     if found >= 0:
-        _copy(work.nodes[found], orders)
+        put(work.nodes[found], orders)
     turned = found >= 0
     for r in range(orders.shape[0] if found == -2 else 0):  # too many: one after the other, as far as that leads on
         if wanted[r] < NOBODY_WAITS and orders[r] < NOBODY_WAITS and wanted[r] != orders[r]:
             if not _can_turn(world, tables, r, wanted[r], orders, lam, mu, none, scripted, unsure, parts, work):
                 continue
-            _copy(orders, work.nodes[1])
+            put(orders, work.nodes[1])
             work.nodes[1, r] = wanted[r]
-            _copy(work.lam[STOPS], work.lam[HERE])
+            put(work.lam[STOPS], work.lam[HERE])
             if feasible(world, tables, work.nodes[1], work.lam[HERE], work.lam[FARTHEST]):
                 orders[r], turned = wanted[r], True
     return turned
 
 
-@njit
+@uncounted
 def keep_orders(
     world: World, tables: ShieldTables, orders: Orders, wanted: Orders, lam: Floats, mu: Floats, scripted: Bools,
     uncertain: Bools, ticks: int, asked: Orders, work: ShieldWork,
@@ -225,7 +226,7 @@ def keep_orders(
         asked[r] = orders[r] if wanted[r] < NOBODY_WAITS else NOBODY_WAITS
 
 
-@njit
+@uncounted
 def first_orders(
     world: World, tables: ShieldTables, lam: Floats, scripted: Bools, orders: Orders, work: ShieldWork
 ) -> bool:
@@ -236,7 +237,7 @@ def first_orders(
     """
     for c in range(tables.candidates.shape[0]):
         if _at_rest(world, tables, lam, scripted, tables.candidates[c], orders):
-            work.lam[HERE] = lam
+            put(lam, work.lam[HERE])
             if feasible(world, tables, orders, work.lam[HERE], work.lam[FARTHEST]):
                 return True
     if tables.candidates.shape[0] == 0 or not _at_rest(world, tables, lam, scripted, tables.candidates[0], orders):
@@ -249,14 +250,14 @@ def first_orders(
             i, j = tables.region[r, orders[r], WAITING_ARM], tables.region[r, orders[r], LEADING_ARM]
             free = not scripted[i] and not scripted[j]
             work.turnable[r] = 1 if free and _behind(world, tables, r, 1 - orders[r], lam) else 0
-    work.lam[STOPS] = lam
+    put(lam, work.lam[STOPS])
     found = _search(world, tables, orders, lam, still, still, scripted, scripted, parts, orders.shape[0], work)
     if found >= 0:
-        orders[:] = work.nodes[found]
+        put(work.nodes[found], orders)
     return found >= 0
 
 
-@njit
+@uncounted
 def _at_rest(
     world: World, tables: ShieldTables, lam: Floats, scripted: Bools, candidate: Orders, orders: Orders
 ) -> bool:
@@ -272,7 +273,7 @@ def _at_rest(
     return True
 
 
-@borrowing
+@uncounted
 def turn_for(
     world: World, tables: ShieldTables, orders: Orders, wanted: Orders, lam: Floats, mu: Floats, commands: Floats,
     scripted: Bools, unsure: Bools, parts: int, work: ShieldWork,
@@ -313,7 +314,7 @@ def turn_for(
     return turned
 
 
-@borrowing
+@uncounted
 def _free(
     world: World, tables: ShieldTables, orders: Orders, wanted: Orders, lam: Floats, mu: Floats, commands: Floats,
     scripted: Bools, unsure: Bools, parts: int, work: ShieldWork,

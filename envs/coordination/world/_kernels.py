@@ -32,7 +32,7 @@ from armtempo.envs.coordination.world._world import (
 from armtempo.planners.charts import tabulated_clearance
 from armtempo.planners.joint_paths.kernels import path_point
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import inlined, njit, unlocked
+from armtempo.robots import inlined, njit, uncounted
 
 EPISODES_AT_ONCE = 64  # episodes in one go: what they need stays in the cache
 
@@ -69,7 +69,7 @@ def obeyed(world: World, episodes: Episodes, e: int, i: int, command: float) -> 
     return obeyed
 
 
-@njit
+@uncounted
 def move(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, commands: Floats, scratch: Scratch
 ) -> None:
@@ -119,7 +119,7 @@ def move(
             episodes.lam[e, i], episodes.mu[e, i] = lam, mu
 
 
-@njit
+@uncounted
 def watch(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, d_min: float, scratch: Scratch
 ) -> None:
@@ -163,7 +163,7 @@ def reference_joints(world: World, places: Floats, joints: Floats) -> None:
             path_point(table, places[i, k], joints[k, i][:n])
 
 
-@njit
+@uncounted
 def moved_closer(before: Floats, now: Floats, lever: Floats) -> float:
     """By how much, at most, two arms have come closer [m] between joint positions (A, n): the two that moved most.
 
@@ -200,13 +200,13 @@ def tracking_error(world: World, lam: Floats, q: Floats, error: Floats) -> None:
         error[i] = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@njit
+@uncounted
 def _signed(share: float) -> float:
     """[0, 1] to [-1, 1]."""
     return 2.0 * min(max(share, 0.0), 1.0) - 1.0
 
 
-@njit
+@uncounted
 def _own(world: World, episodes: Episodes, first: int, last: int, active: Bools, scratch: Scratch) -> None:
     """Fill ``scratch.own``."""
     for i in range(episodes.lam.shape[1]):
@@ -229,7 +229,7 @@ def _own(world: World, episodes: Episodes, first: int, last: int, active: Bools,
             own[4] = _signed(own[5] / fastest)
 
 
-@njit
+@uncounted
 def _pairs(world: World, episodes: Episodes, first: int, last: int, active: Bools, scratch: Scratch) -> None:
     """Fill ``scratch.pair``: shares of paths, and the wait as a share of the own minimum time (-1: no region ahead)."""
     arms = episodes.lam.shape[1]
@@ -259,7 +259,7 @@ def _pairs(world: World, episodes: Episodes, first: int, last: int, active: Bool
                         row += 1
 
 
-@njit
+@uncounted
 def observe(
     world: World,
     episodes: Episodes,
@@ -318,7 +318,7 @@ def observe(
                             out[e, i, k] = min(max(value, -1.0), 1.0)
 
 
-@njit
+@uncounted
 def _reward(
     world: World,
     episodes: Episodes,
@@ -358,7 +358,7 @@ def _reward(
             episodes.charged[e, i] = latest
 
 
-@unlocked
+@uncounted
 def run_periods(
     world: World,
     episodes: Episodes,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations, permutations
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from armtempo.planners.charts import ClearanceTable, clearance_table
 from armtempo.planners.joint_paths.kernels import PathTable
 from armtempo.planners.topp import Mode
 from armtempo.planners.topp import kernels as phase_kernels
-from armtempo.robots import ArmModel, inlined, njit
+from armtempo.robots import ArmModel, inlined, uncounted
 
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
 FCL_BELOW = 0.05  # [m] above d_min: nearer than this the clearance tables ask FCL, not capsules
@@ -138,8 +139,18 @@ def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int
     )
 
 
+_WORLDS: WeakKeyDictionary[CoordinationCell, dict[Mode, World]] = WeakKeyDictionary()
+
+
 def ideal_world(cell: CoordinationCell, mode: Mode) -> World:
-    """A cell packed with the clearance table of every pair of arms."""
+    """A cell packed with the clearance table of every pair of arms: one for all who ask, as nobody writes to it."""
+    known = _WORLDS.setdefault(cell, {})
+    if mode not in known:
+        known[mode] = _ideal_world(cell, mode)
+    return known[mode]
+
+
+def _ideal_world(cell: CoordinationCell, mode: Mode) -> World:
     below = cell.d_min + FCL_BELOW
     pairs = combinations(range(len(cell.arms)), 2)
     return pack(cell, mode, [(i, j, clearance_table(i, j, cell.arms, cell.paths, below)) for i, j in pairs])
@@ -172,7 +183,7 @@ def _waits(own: Floats, other: Floats, last: Floats, own_station: Floats, other_
     return out
 
 
-@njit
+@uncounted
 def length_of(world: World, i: int) -> float:
     """The length of arm i's path."""
     return world.buffer[world.offset[i, _ROWS] + world.size[i, 0] - 1]  # type: ignore[no-any-return]
@@ -186,14 +197,14 @@ def steps_of(world: World, i: int) -> Floats:
     return world.buffer[o : o + N * K].reshape(N, K)
 
 
-@njit
+@inlined
 def to_go_of(world: World, i: int) -> Floats:
     """Minimum time from each station of arm i to its end [s]."""
     o = world.offset[i, _TO_GO]
     return world.buffer[o : o + world.size[i, 0]]
 
 
-@njit
+@inlined
 def table_of(world: World, i: int) -> PathTable:
     """The joint path of arm i."""
     n, K, o, b = world.size[i, 1], world.size[i, 2], world.offset[i], world.buffer
@@ -207,7 +218,7 @@ def table_of(world: World, i: int) -> PathTable:
     )
 
 
-@njit
+@inlined
 def model_of(world: World, i: int) -> ArmModel:
     """The rigid bodies of arm i."""
     n, o, b = world.size[i, 1], world.offset[i], world.buffer
@@ -229,27 +240,27 @@ def model_of(world: World, i: int) -> ArmModel:
     )
 
 
-@njit
+@inlined
 def last_occupied(world: World, i: int, j: int) -> Floats:
     """(R,) per row along arm i's path: how far arm j goes before the row is free for good; < 0: it is."""
     return world.buffer[world.region[i, j, 1] : world.region[i, j, 1] + world.region[i, j, 0]]
 
 
-@njit
+@inlined
 def last_in_block(world: World, i: int, j: int) -> Floats:
     """(R / CELLS_PER_BLOCK,) the largest of so many rows of it."""
     o = world.region[i, j, 2]
     return world.buffer[o : o + (world.region[i, j, 0] + CELLS_PER_BLOCK - 1) // CELLS_PER_BLOCK]
 
 
-@njit
+@inlined
 def waits_of(world: World, i: int, j: int) -> Floats:
     """(R + 1, 2) per row along arm i's path what it has to wait for arm j there and from there on; see ``_waits``."""
     o, R = world.region[i, j, 3], world.region[i, j, 0]
     return world.buffer[o : o + 2 * R + 2].reshape(R + 1, 2)
 
 
-@njit
+@inlined
 def clearance_of(world: World, p: int) -> ClearanceTable:
     """The clearance table of pair p."""
     i, j, o = world.clearance[p, 0], world.clearance[p, 1], world.clearance[p, 2]

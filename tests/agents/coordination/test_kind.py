@@ -153,6 +153,35 @@ def test_every_policy_meets_the_same_disturbances_and_they_are_told(lee1991: Coo
     assert low < content["policies"]["vci"]["makespan_s"] < high
 
 
+def test_what_is_not_finished_counts_as_the_time_limit(lee1991: CoordinationCell) -> None:
+    asked: dict[str, Any] = {"episodes": 4, "physics": "ideal", "shield": True, "disturbance": "late"}
+    names = ["delay", "vci", "phase-plane"]
+    free = evaluate(lee1991, names, **asked)
+    slowest = [max(time for time in result.makespans_s if time is not None) for result in free.results.values()]
+    limit = min(slowest) - 0.01
+    cut = evaluate(lee1991, names, **asked, max_episode_s=limit)
+    for name, result in cut.results.items():
+        before = [time for time in free.results[name].makespans_s if time is not None]
+        assert result.finished == sum(time is not None for time in result.makespans_s) < 4
+        if result.finished:
+            assert result.makespan_s == pytest.approx(np.mean([min(time, limit) for time in before]), abs=0.005)
+            assert result.ratio_to_best_online is None  # nobody finished every episode
+        else:
+            assert result.makespan_s is None
+    assert any(result.finished for result in cut.results.values())
+    assert (cut.facts["best"], cut.facts["best_online"]) == (None, None)
+    assert free.facts["best"] in names
+    limit = min(slowest) + 1e-4
+    within = evaluate(lee1991, names, **asked, max_episode_s=limit)
+    best = within.results[within.facts["best_online"]]
+    assert best.finished == 4
+    for result in within.results.values():
+        if result.finished:
+            counted = [limit if time is None else time for time in result.makespans_s]
+            assert result.ratio_to_best_online == pytest.approx(np.mean(counted) / (best.makespan_s or 0.0))
+    assert any(0 < result.finished < 4 for result in within.results.values())
+
+
 def test_on_the_way_nothing_is_held_against_whole_paths(lee1991: CoordinationCell) -> None:
     asked: dict[str, Any] = {"physics": "ideal", "shield": True, "disturbance": "late", "seed": 50000}
     for start in (0.0, (0.0, 0.0), 0.2, (0.0, 0.3)):

@@ -45,6 +45,20 @@ def test_on_the_way_there_is_no_bound(lee1991: CoordinationCell) -> None:
         assert "needs" in summary_sentence(found) or said
 
 
+def test_the_best_are_named_and_what_was_not_finished_is_counted(lee1991: CoordinationCell) -> None:
+    found = evaluate(lee1991, ["delay", "phase-plane", "optimal"], physics="ideal", shield=True)
+    delay, optimal = found.results["delay"], found.results["optimal"]
+    assert summary_sentence(found).startswith(f"Best on line: delay ({delay.makespan_s:.4f} s); best of all: ")
+    quicker = replace(optimal, makespan_s=0.3)
+    told = summary_sentence(replace(found, results={**found.results, "optimal": quicker}, facts={
+        **found.facts, "best": "optimal",
+    }))  # fmt: skip
+    assert "; best of all: optimal (0.3000 s).\n" in told
+    two = evaluate(lee1991, ["delay", "phase-plane"], episodes=2, physics="ideal", shield=True)
+    missing = {**two.results, "delay": replace(two.results["delay"], finished=1)}
+    assert "counted as the time limit: delay 1 of 2." in summary_sentence(replace(two, results=missing))
+
+
 def test_an_arm_off_its_path(lee1991: CoordinationCell) -> None:
     late = evaluate(lee1991, ["delay"], max_episode_s=0.1)
     off = {"delay": replace(late.results["delay"], path_error_max_m=0.0345, torque_demand_ratio_max=67.0)}
