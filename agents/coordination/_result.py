@@ -63,7 +63,7 @@ class CoordinationResult:
     path_error_max_m: float = figure("path\nerr. [mm]", scale=1e3)
     violations: int = figure("too close\n[ticks]", form="mishaps")
     interventions: float | None = figure("shield\n[% changed]", digits=2, scale=100.0, known=True)
-    finished: int = figure("finished", form="episodes", several=True)
+    finished: int = figure()
     reward: float = figure()
     planning_time_s: float | None = figure()
     trace: CoordinationTrace = field(repr=False)

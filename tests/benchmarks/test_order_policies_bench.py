@@ -64,13 +64,13 @@ def test_deciding_on_the_way_is_quicker_than_full_speed() -> None:
     spent: dict[str, list[float]] = {name: [] for name in POLICIES}
 
     def row(label: str, found: dict[str, list[float]]) -> None:
-        base = np.array(found["search+stop"])
+        base = np.array(found["search+stop"]).reshape(-1, EPISODES)  # cells are drawn, and then episodes of each
         cells = []
         for name in POLICIES:
-            own = np.array(found[name])
+            own = np.array(found[name]).reshape(-1, EPISODES)
             low, high = ratio_interval(own, base, 0)
             cells.append(f"{own.mean() / base.mean():.3f} ({low:.3f}-{high:.3f})")
-        table.add_row(label, str(len(base)), *cells)
+        table.add_row(label, str(base.size), *cells)
 
     for arms in ARMS:
         found: dict[str, list[float]] = {name: [] for name in POLICIES}
