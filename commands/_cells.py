@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 import tyro
 
-from armtempo.commands.console import JsonFile, Output, new_table, number, open_cell, shown
+from armtempo.commands.console import JsonFile, Output, find_bound, new_table, number, open_cell, shown
 from armtempo.commands.reports import gain_warning, gain_x_period
 
 if TYPE_CHECKING:
@@ -149,7 +149,8 @@ def _best_order(facts: dict[str, Any]) -> str:
 
 
 def _show_coordination(cell: CoordinationCell, output: Output) -> None:
-    with output.progress(f"Measuring {cell.name}"):
+    with output.progress(f"Measuring {cell.name}") as (progress, task):
+        find_bound(cell, lambda words: progress.update(task, description=words))
         facts = describe_coordination(cell)
     table = new_table(
         shown(f"{cell.name}: {cell.config.description}"), "arms in priority order: the first is the master"

@@ -21,6 +21,7 @@ from armtempo.commands.console._kind_line import read_kind_line
 from armtempo.commands.console._options import field_docs, flag_of, options_from, with_flags
 from armtempo.commands.console._output import (
     Output,
+    find_bound,
     new_table,
     number,
     open_cell,
@@ -48,6 +49,7 @@ __all__ = [
     "check_seed",
     "field_docs",
     "file_digests",
+    "find_bound",
     "flag_of",
     "kept_results",
     "new_table",

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -170,6 +170,14 @@ def open_cell(name: str, output: Output) -> CoordinationCell | BlendCell | IKCel
         from armtempo.planners import load_cell  # late: --help is to be quick
 
         return load_cell(name, None)
+
+
+def find_bound(cell: CoordinationCell, tell: Callable[[str], object]) -> None:
+    """Find the bound of a cell, and ``tell`` how far its search has come: of many arms it may take a minute."""
+    tell("Bounding the makespan")
+    cell.timing.find_joint(
+        lambda bound, nodes: tell(f"Bounding the makespan: at least {bound:.4f} s, {nodes} ways to pass are open")
+    )
 
 
 def output_folder(cell: str, out: Path | None) -> Path:

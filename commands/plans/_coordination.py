@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING, Any, Literal
 
-from armtempo.commands.console import new_table, number, shown
+from armtempo.commands.console import find_bound, new_table, number, shown
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
 from armtempo.planners.schedules import SHAPED, SHIFTED
@@ -35,9 +35,10 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
     SHOWN = "vci"
     HAS_CONTROL_PERIOD = True
 
-    def prepare(self) -> None:
+    def prepare(self, tell: Callable[[str], object]) -> None:
         cell = self.cell
         _ = cell.fastest, [cell.chart_between(*pair) for pair in combinations(range(len(cell.arms)), 2)]
+        find_bound(cell, tell)
 
     def named(self, methods: Sequence[str]) -> Sequence[str]:
         arms, asked = self.cell.arms, self.orders

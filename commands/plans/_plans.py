@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
 
 from armtempo.commands.console import Output
@@ -73,7 +73,7 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
 
     def _plan(self, methods: Sequence[str], output: Output) -> None:
         with output.progress("Planning", len(methods)) as (progress, task):
-            self.prepare()
+            self.prepare(lambda words: progress.update(task, description=words))
             for k, method in enumerate(methods):
                 progress.update(task, description=f"Planning {method}", completed=k)
                 began = time.perf_counter()
@@ -89,8 +89,8 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         """Names of the plans by these methods."""
         return methods
 
-    def prepare(self) -> None:
-        """Work out what all methods need, so that none of them is charged for it."""
+    def prepare(self, tell: Callable[[str], object]) -> None:
+        """Work out what all methods need, so that none of them is charged for it; ``tell`` what is going on."""
 
     @abstractmethod
     def plan(self, method: str) -> PlanT:

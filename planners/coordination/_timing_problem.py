@@ -123,6 +123,12 @@ class TimingProblem:
         """``bounded`` by its usual limits."""
         return self.bounded()
 
+    def find_joint(self, report: Report) -> JointBound:
+        """``joint``; where it is not known yet, ``report`` is told how far its search has come, see ``bounded``."""
+        if "joint" not in self.__dict__:  # where cached properties are kept
+            self.__dict__["joint"] = self.bounded(report=report)
+        return self.joint
+
     @cached_property
     def lower_bound(self) -> float:
         """Lower bound on the makespan of any timing, all arms together [s]; infinite if there is none."""

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from armtempo.commands import main
-from armtempo.planners import BlendCell, IKCell, load_cell, read_trajectory
+from armtempo.commands.console import find_bound
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, load_cell, read_trajectory
 from armtempo.planners.topp import JointTrajectory
 from armtempo.robots import Arm
 
@@ -35,6 +36,15 @@ def test_plan_compares_all_methods(capsys: pytest.CaptureFixture[str]) -> None:
     assert vci["min_clearance_m"] > data["d_min_m"]
     assert vci["certified_free"] is True
     assert 0.32 < data["lower_bound_s"] < data["methods"]["delay"]["makespan_s"]
+
+
+def test_the_search_for_the_bound_tells_how_far_it_is() -> None:
+    cell, told = load_cell("planar-four"), list[str]()
+    assert isinstance(cell, CoordinationCell)
+    find_bound(cell, told.append)
+    assert told[0] == "Bounding the makespan"
+    assert "at least" in told[-1]
+    assert "open" in told[-1]
 
 
 def test_plan_takes_methods_and_a_control_period(capsys: pytest.CaptureFixture[str]) -> None:

@@ -270,6 +270,10 @@ def test_it_stops_at_its_limits_with_what_it_has_and_says_so(
     assert reports
     assert all(count > 0 for _, count in reports)
     assert problem.bounded(time_limit_s=0.0).time <= whole.time
+    told: list[tuple[float, int]] = []
+    assert problem.find_joint(lambda least, count: told.append((least, count))).time == whole.time
+    assert told
+    assert problem.find_joint(lambda *_: pytest.fail("it is known")) is problem.joint
 
 
 def test_three_arms_in_a_circle_are_certified_infeasible_though_every_pair_gets_past(
