@@ -14,7 +14,7 @@ from armtempo.agents.coordination._baselines import COORDINATION_POLICIES, FULL_
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES
 from armtempo.agents.coordination._result import CoordinationResult, counted, safe_makespan
 from armtempo.agents.evaluation import Interval, Kind, Runner, keywords_of, mean_interval, play, ratio_interval
-from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy, options_for
+from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy, options_of_agent
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationTrace, disturbed_motion
 from armtempo.envs.coordination import time_limit
 from armtempo.errors import InfeasibleError
@@ -99,7 +99,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         plan = schedule(cell, policy) if policy in METHODS else None
         planning = time.perf_counter() - began if plan is not None else None
         if is_agent_name(policy):
-            options = options_for(policy, options)
+            options = options_of_agent(policy, options)
         taken_over = before is not None and before.env.options == options
         env = (
             before.env

@@ -13,11 +13,10 @@ import numpy as np
 from armtempo.agents.coordination._baselines import FULL_SPEED, make_policy
 from armtempo.agents.coordination._kind import ONLINE, CoordinationRunner, clairvoyant_makespans, limit_of, quickest
 from armtempo.agents.coordination._result import safe_makespan
-from armtempo.agents.evaluation import Interval, ratio_interval, run_episodes
-from armtempo.agents.policies import Actions, Observations, Policy, find_agent, is_agent_name, learned_policy
+from armtempo.agents.evaluation import Interval, keywords_of, ratio_interval, run_episodes
+from armtempo.agents.policies import Actions, Observations, Policy, is_agent_name, learned_policy, options_of_agent
 from armtempo.arrays import Floats
-from armtempo.envs import CoordinationEnv, Physics
-from armtempo.envs.coordination.world import ACTION_FORMS, ActionForm
+from armtempo.envs import CoordinationEnv, CoordinationOptions, Physics
 from armtempo.errors import InfeasibleError, InputError, UnknownNameError
 from armtempo.planners import METHODS, CoordinationCell, schedule
 
@@ -211,35 +210,37 @@ def compare_on(
             raise UnknownNameError("policy", name, SPLIT_POLICIES)
     if episodes < 1:
         raise InputError(f"episodes must be at least 1, got {episodes}")
+    usual = CoordinationOptions(physics=physics, shield=True, disturbance=disturbance)
     compared = []
     for cell in cells:
         with ExitStack() as opened:
 
             def env_of(
-                action: ActionForm, cell: CoordinationCell = cell, opened: ExitStack = opened
+                options: CoordinationOptions, cell: CoordinationCell = cell, opened: ExitStack = opened
             ) -> CoordinationEnv:
-                env = CoordinationEnv(
-                    cell, physics=physics, action=action, shield=True, disturbance=disturbance, record=True
-                )
+                env = CoordinationEnv(cell, record=True, **keywords_of(options))
                 opened.callback(env.close)
                 return env
 
-            compared.append(_compare(cache(env_of), policies, episodes, seed))
+            compared.append(_compare(cache(env_of), usual, policies, episodes, seed))
         if on_cell is not None:
             on_cell(cell.name)
     return SplitComparison(cells=tuple(compared), seed=seed)
 
 
 def _compare(
-    env_of: Callable[[ActionForm], CoordinationEnv], policies: Sequence[str], episodes: int, seed: int
+    env_of: Callable[[CoordinationOptions], CoordinationEnv],
+    usual: CoordinationOptions,
+    policies: Sequence[str],
+    episodes: int,
+    seed: int,
 ) -> CellComparison:
-    """``env_of``: the environment of the cell for a form of actions."""
-    usual = env_of("speed")
-    cell = usual.cell
+    """``env_of``: the environment of the cell with these options."""
+    cell = env_of(usual).cell
     makespans: dict[str, Times] = {}
     violations: dict[str, int] = {}
     for name in policies:
-        env = env_of(_action_form(name))
+        env = env_of(options_of_agent(name, usual) if is_agent_name(name) else usual)
         policy = _policy(name, env)
         if policy is None:
             continue
@@ -252,15 +253,9 @@ def _compare(
         arms=len(cell.arms),
         makespans_s=makespans,
         violations=violations,
-        clairvoyant_s=_known(usual, episodes, seed),
-        time_limit_s=limit_of(cell, usual.options),
+        clairvoyant_s=_known(env_of(usual), episodes, seed),
+        time_limit_s=limit_of(cell, usual),
     )
-
-
-def _action_form(name: str) -> ActionForm:
-    """In which a policy acts; raises as ``find_agent``."""
-    form = find_agent(name).header.settings.get("action", "speed") if is_agent_name(name) else "speed"
-    return form if form in ACTION_FORMS else "speed"  # of another kind of cell, or a later version: refused as such
 
 
 def _policy(name: str, env: CoordinationEnv) -> Policy[Observations, Actions] | None:

@@ -12,7 +12,7 @@ from armtempo.agents.policies._agent_file import (
     shipped_agents,
 )
 from armtempo.agents.policies._graph_network import GRAPH_NAMES, flat_rows, graph_shapes
-from armtempo.agents.policies._learned import LearnedPolicy, learned_policy, options_for
+from armtempo.agents.policies._learned import LearnedPolicy, learned_policy, options_of_agent
 from armtempo.agents.policies._policy import (
     Actions,
     Observations,
@@ -39,7 +39,7 @@ __all__ = [
     "is_agent_name",
     "learned_policy",
     "load_agent",
-    "options_for",
+    "options_of_agent",
     "save_agent",
     "shipped_agents",
     "action_size",

@@ -205,20 +205,17 @@ def _header_complaint(header: dict[str, Any]) -> str | None:
     for name, type_ in HEADER_TYPES.items():
         if not isinstance(header[name], type_) or isinstance(header[name], bool):
             return f"its {name} is {brief(header[name])}"
-    for name in ("steps", "seed"):
-        if not 0 <= header[name] < 2**63:
+    for name, least in (("steps", 0), ("seed", 0), ("decide_every", 1)):
+        if not least <= header[name] < 2**63:
             return f"its {name} is {brief(header[name])}"
-    if not header["decide_every"] >= 1:
-        return f"its decide_every is {brief(header['decide_every'])}"
     for name in ("entries", "cells"):
         if not all(isinstance(one, str) for one in header[name]):
             return f"its {name} are no names: {brief(header[name])}"
     if not all(isinstance(row, dict) for row in header["curve"]):
         return "its curve is no list of mappings"
-    if header["algorithm"] not in ALGORITHMS or header["activation"] not in _ACTIVATIONS:
-        return f"unknown algorithm {brief(header['algorithm'])} or activation {brief(header['activation'])}"
-    if header["network"] not in get_args(Network):
-        return f"unknown network {brief(header['network'])}"
+    for name, known in (("algorithm", ALGORITHMS), ("activation", _ACTIVATIONS), ("network", get_args(Network))):
+        if header[name] not in known:
+            return f"unknown {name} {brief(header[name])}"
     if not ENVIRONMENT_NAME.fullmatch(header["environment"]) or header["learners"] not in (None, *get_args(Learners)):
         return f"no environment {brief(header['environment'])} or learners {brief(header['learners'])}"
     return None

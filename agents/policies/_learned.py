@@ -65,7 +65,7 @@ OWN_OPTIONS = {"action": "speed", "observation": "local", "orders": "asked"}
 OptionsT = TypeVar("OptionsT", bound="DataclassInstance")
 
 
-def options_for(name: str, options: OptionsT) -> OptionsT:
+def options_of_agent(name: str, options: OptionsT) -> OptionsT:
     """The options of a coordination cell's episodes with those of the agent: how it sees, asks and is served.
 
     Raises:
