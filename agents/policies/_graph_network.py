@@ -69,9 +69,10 @@ def run_graph(layers: Layers, activation: str, nodes: Floats32, edges: Floats32)
     """
     arms = int(nodes[:, PRESENT].sum())
     pairs = edges[:arms, :arms]
-    ahead = pairs[..., AHEAD] > 0.0
-    heard = np.maximum(ahead.sum(axis=1, keepdims=True), 1).astype(np.float32)
-    absent = ~ahead[..., None]
+    ahead = (pairs[..., AHEAD:] > 0.0)[..., :1].astype(np.float32)
+    meet = ahead.sum(axis=1)
+    share, some = np.float32(1.0) / np.maximum(meet, 1.0), np.minimum(meet, 1.0)
+    absent = LEAST * (np.float32(1.0) - ahead)
 
     def bend(x: Floats32) -> Floats32:
         return np.tanh(x) if activation == "tanh" else np.maximum(x, np.float32(0.0))
@@ -80,16 +81,12 @@ def run_graph(layers: Layers, activation: str, nodes: Floats32, edges: Floats32)
     h: Floats32 = bend(nodes[:arms] @ weight.T + bias)
     for k in range(1, len(layers) - 2, 2):
         (to_message, bias), (to_update, bias_update) = layers[k], layers[k + 1]
-        width = h.shape[1]
-        own, other, pair = to_message[:, :width], to_message[:, width : 2 * width], to_message[:, 2 * width :]
-        message = bend((h @ own.T)[:, None] + (h @ other.T)[None] + (pairs @ pair.T + bias))
-        message[np.broadcast_to(absent, message.shape)] = 0.0
-        largest = np.where(absent, LEAST, message).max(axis=1)
-        largest[~ahead.any(axis=1)] = 0.0
-        everyone = np.broadcast_to(h.mean(axis=0), h.shape)
-        h = bend(
-            np.concatenate([h, message.sum(axis=1) / heard, largest, everyone], axis=1) @ to_update.T + bias_update
-        )
+        w = h.shape[1]
+        told = pairs @ to_message[:, 2 * w :].T + bias
+        message = bend((h @ to_message[:, :w].T)[:, None] + h @ to_message[:, w : 2 * w].T + told)
+        mean, largest = (message * ahead).sum(axis=1) * share, (message + absent).max(axis=1) * some
+        heard = np.concatenate([h, mean, largest], axis=1) @ to_update[:, : 3 * w].T
+        h = bend(heard + (h.mean(axis=0) @ to_update[:, 3 * w :].T + bias_update))
     (hidden, bias), (out, bias_out) = layers[-2], layers[-1]
     actions: Floats32 = bend(h @ hidden.T + bias) @ out.T + bias_out
     return actions

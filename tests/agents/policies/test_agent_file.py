@@ -128,7 +128,7 @@ BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {
     "empty": (lambda path: path.write_bytes(b""), "not an agent file"),
     "text": (lambda path: path.write_text("weights"), "not an agent file"),
     "no header": (lambda path: _write(path, **LAYER), "no header"),
-    "later version": (lambda path: _write(path, header=_header(version=3), **LAYER), "version 3"),
+    "later version": (lambda path: _write(path, header=_header(version=4), **LAYER), "version 4"),
     "no number": (lambda path: _write(path, header=_header(steps=None, extra=1), **LAYER), "extra"),
     "algorithm": (lambda path: _write(path, header=_header(algorithm="dqn"), **LAYER), "dqn"),
     "no layers": (lambda path: _write(path, header=_header()), "no layers"),

@@ -11,19 +11,20 @@ import pytest
 pytest.importorskip("stable_baselines3")
 pytest.importorskip("tensorboard")
 
-from armtempo.agents import evaluate, train
+from armtempo.agents import compare_on, evaluate, train
 from armtempo.agents.coordination._teaching import GO, HOLD, demonstrate
 from armtempo.agents.coordination._team_training import TeamEvaluator, demonstrations, team_simulations
-from armtempo.agents.policies import Agent, load_agent
+from armtempo.agents.policies import Agent, LearnedPolicy, load_agent
 from armtempo.agents.training.vec_envs import TeamVecEnv
 from armtempo.configs import EvaluationConfig, load_train_config
-from armtempo.envs import GRAPH_ARMS, NODE_ENTRIES, BatchSimulation
+from armtempo.envs import GRAPH_ARMS, NODE_ENTRIES, BatchSimulation, CoordinationEnv
 from armtempo.errors import ConfigError, InputError
 from armtempo.planners import CoordinationCell, generate_cell, load_cell
 
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 
 TEAM: dict[str, Any] = {"shield": True, "observation": "graph", "orders": "search+stop", "reward": "team"}
+AGENT: Any = {"shield": True, "observation": "graph"}
 FILE = """
 name: small
 algorithm: ppo
@@ -68,13 +69,34 @@ def test_a_training_keeps_its_best_agent_which_drives_any_number_of_arms(
     }  # fmt: skip
     name = f"ppo:{tmp_path / 'out' / 'agent.npz'}"
     for cell in (load_cell("lee1991"), ring):
-        result = evaluate(
-            cell, [name], physics="ideal", shield=True, observation="graph", orders="search+stop"
-        ).results[name]
+        result = evaluate(cell, ["vci", name, "search"], physics="ideal", shield=True).results[name]
         assert result.finished == 1
         assert result.violations == 0
-    with pytest.raises(InputError, match="observation graph, and this is local"):
-        evaluate(ring, [name], physics="ideal", shield=True)
+    with pytest.raises(InputError, match="acts under a shield"):
+        evaluate(ring, [name], physics="ideal")
+    compared = compare_on([ring], ["search+stop", name], episodes=2, disturbance="all-any")
+    assert None not in compared.cells[0].makespans_s[name]
+
+
+def test_an_action_is_held_as_long_as_in_training(tmp_path: Path, ring: CoordinationCell) -> None:
+    (tmp_path / "small.yaml").write_text(FILE)
+    agent = train(tmp_path / "small.yaml", tmp_path / "out", steps=48).agent
+    assert agent.header.decide_every == 10
+    env = CoordinationEnv(ring, physics="ideal", **{**AGENT, "orders": "search+stop"})
+    policy = LearnedPolicy(agent)
+    observations, _ = env.reset(seed=0)
+    policy.reset()
+    asked = []
+    for _ in range(25):
+        actions = policy.act(observations, env)
+        asked.append(np.concatenate([actions[name] for name in env.agents]))
+        seen = observations["arm_0"]
+        if len(asked) % 10 == 1:
+            np.testing.assert_array_equal(asked[-1], agent.act_on_graph(seen["nodes"], seen["edges"])[:, 0])
+        else:
+            np.testing.assert_array_equal(asked[-1], asked[-2])
+        observations, *_ = env.step(actions)
+    env.close()
 
 
 def test_a_training_that_is_resumed_ends_as_one_that_was_not_interrupted(tmp_path: Path) -> None:
