@@ -79,7 +79,7 @@ def _joined(
 def _narrow_places(chart: CoordinationChart) -> list[tuple[int, int, Ints]]:
     """Which two cores only undecided cells keep apart, and their nearest cells (2, 2); the narrowest places first."""
     found = []
-    rims = [_rim(core) for core in chart.cores]
+    rims = [_rim(core) for core in chart.cores] if len(chart.cores) > 1 else []
     for m, n in combinations(range(len(rims)), 2):
         ends = _nearest(rims[m], rims[n])
         if _apart(ends) <= WIDEST and _holding(chart.components, ends[0]) is _holding(chart.components, ends[1]):

@@ -267,7 +267,12 @@ def _of_optimal(cells: Sequence[Mapping[str, BenchResult]]) -> list[Claim]:
 
 def _of_vci(cells: Sequence[Mapping[str, BenchResult]]) -> list[Claim]:
     pairs = [(plans["vci"], plans["interval"]) for plans in cells if {"vci", "interval"} <= plans.keys()]
-    planned = [(vci, order) for vci, interval in pairs for order, value in interval.orders.items() if value is not None]
+    planned = [
+        (vci, order)
+        for vci, interval in pairs
+        for order, value in interval.orders.items()
+        if value is not None and order in vci.orders  # of more than two arms each has its best one alone
+    ]
     text = "vci has a plan in every order in which interval has one"
     checks = (f"{vci.cell}, order {order}" if vci.orders[order] is None else "" for vci, order in planned)
     return [_claim(text, checks)] if pairs else []

@@ -10,6 +10,8 @@ import pytest
 from armtempo.planners import CoordinationCell, schedule
 from armtempo.planners.instances import BenchResult, CellLabels, bench_cell, bench_claims, label_cell
 
+BEST_ORDERS = {"vci": (0, 1), "interval": (1, 0)}
+
 
 @pytest.fixture(scope="module")
 def labels(lee1991: CoordinationCell) -> CellLabels:
@@ -57,6 +59,12 @@ def test_claims_can_be_broken(
 ) -> None:
     worse = {**results, method: dataclasses.replace(results[method], **change)}  # type: ignore[arg-type]
     assert any(words in text for text in broken(worse))
+
+
+def test_orders_that_only_one_method_has_tried_are_not_compared(results: dict[str, BenchResult]) -> None:
+    """As of more than two arms, where each method keeps its best order."""
+    kept = {name: dataclasses.replace(results[name], orders={order: 1.0}) for name, order in BEST_ORDERS.items()}
+    assert not any("in every order" in text for text in broken({**results, **kept}))
 
 
 def test_a_plan_of_what_is_infeasible_breaks_a_claim(results: dict[str, BenchResult], labels: CellLabels) -> None:
