@@ -34,7 +34,7 @@ def env_of(seen: int = 2, actions: int = 1, mode: str = "speed", action: str = "
         possible_agents=["a", "b"],
         observation_space=lambda agent: Box(-1.0, 1.0, (seen,)),
         action_space=lambda agent: Box(-1.0, 1.0, (actions,)),
-        options=SimpleNamespace(mode=mode, action=action),
+        options=SimpleNamespace(mode=mode, action=action, observation="local", orders="asked"),
     )
 
 
