@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack, final
 
@@ -36,6 +36,7 @@ from armtempo.envs.coordination.shield import (
     note_all,
     shield_tables,
     shield_work,
+    stops_seen,
 )
 from armtempo.envs.coordination.world import (
     OTHER,
@@ -100,7 +101,7 @@ class BatchSimulation(Stateful):
 
     changing = (
         "_episodes", "observations", "rewards", "terminated", "truncated", "undisturbed", "_orders", "_asked",
-        "_priority", "_uncertain", "shield_cut", "shield_changed", "shield_change", "_keeper", "graph",
+        "_priority", "_uncertain", "shield_cut", "shield_changed", "shield_change", "_seen",
     )  # fmt: skip
 
     def __init__(
@@ -138,6 +139,7 @@ class BatchSimulation(Stateful):
         self._scratch = [scratch_for(size, A, self.cell.ticks_per_period) for size in sizes]
         self._shield = chosen.shield
         self._tables = self._works = self._regions = None
+        self._seen = stops_seen(E, A)
         self._keeper: OrderKeeper | None = None
         self.graph: GraphView | None = None
         self._order_works: list[OrderWork] = []
@@ -159,7 +161,7 @@ class BatchSimulation(Stateful):
 
     def _watch(self, regions: PassingOrders, chosen: CoordinationOptions, threads: int) -> None:
         """See who stands, where an observation or an order depends on it."""
-        keeper = OrderKeeper(self.cell, regions, self.episodes, chosen.orders)
+        keeper = OrderKeeper(self.cell, regions, self._seen, chosen.orders)
         if keeper.decides or chosen.observation == "graph":
             self._keeper, self._order_works = keeper, [keeper.work() for _ in range(threads)]
         if chosen.observation == "graph":
@@ -200,6 +202,12 @@ class BatchSimulation(Stateful):
     def stands(self) -> Bools:
         """(E, A) arms that are seen to stand though they were sent on; nobody where nobody watches."""
         return np.zeros(self.lam.shape, dtype=np.bool_) if self._keeper is None else self._keeper.seen.stands.copy()
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        super()._go_on(state)
+        if self.graph is not None:
+            every = self._all
+            self.graph.fill(self._world, self._episodes, 0, len(every), every, self._orders, self._order_works[0])
 
     def describe(self, e: int) -> dict[str, Any]:
         """What episode e drew, as the environments' infos have it; right after its reset."""

@@ -20,7 +20,7 @@ from armtempo.planners import CoordinationCell, generate_cell
 
 CELLS, EPISODES = (int(part) for part in os.environ.get("ARMTEMPO_BENCH_ORDERS", "3,4").split(","))
 ARMS = (3, 4, 5, 6)
-POLICIES = ("phase-plane", "longest-path", "reorder", "search", "search+stop", "rollout")
+POLICIES = ("phase-plane", "longest-path", "reorder", "search", "search+stop", "search+hold", "rollout")
 SEED = 777  # of the rings; episodes are 1000, 1001, ...
 
 

@@ -14,7 +14,6 @@ from armtempo.envs.coordination.shield import EpisodeShield, OrderKeeper, Orders
 from armtempo.envs.coordination.world import Episodes, World
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
-from armtempo.state import Stateful
 
 Graph = dict[str, Floats32]
 """``nodes`` (GRAPH_ARMS, N), ``edges`` (GRAPH_ARMS, GRAPH_ARMS, K) and, for one arm, ``own`` (GRAPH_ARMS,)."""
@@ -31,7 +30,7 @@ class Graphs(NamedTuple):
 
 
 @final
-class GraphView(Stateful):
+class GraphView:
     """What the arms of E episodes see.
 
     Args:
@@ -41,8 +40,6 @@ class GraphView(Stateful):
     Raises:
         InputError: The cell has more arms than a graph.
     """
-
-    changing = ("graphs",)
 
     def __init__(self, cell: CoordinationCell, keeper: OrderKeeper) -> None:
         if len(cell.arms) > GRAPH_ARMS:

@@ -15,7 +15,7 @@ from armtempo.envs.coordination.shield._shield import (
     shield_tables,
     shield_work,
 )
-from armtempo.envs.coordination.shield._stops_seen import StopsSeen, still_standing
+from armtempo.envs.coordination.shield._stops_seen import StopsSeen, still_standing, stops_seen
 from armtempo.envs.coordination.shield._trial import CHANNELS, REQUESTS, ShieldTrial, shield_trial
 from armtempo.envs.coordination.shield._turning import keep_orders
 
@@ -44,4 +44,5 @@ __all__ = [
     "shield_trial",
     "shield_work",
     "still_standing",
+    "stops_seen",
 ]

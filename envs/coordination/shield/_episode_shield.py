@@ -13,7 +13,7 @@ from armtempo.envs.coordination.shield._deciding import best_order, hold_back, l
 from armtempo.envs.coordination.shield._keeper import OrderKeeper
 from armtempo.envs.coordination.shield._kernels import Orders
 from armtempo.envs.coordination.shield._shield import Foresight, Shield
-from armtempo.envs.coordination.shield._stops_seen import note_commands, still_standing
+from armtempo.envs.coordination.shield._stops_seen import note_commands, still_standing, stops_seen
 from armtempo.envs.coordination.world import CoordinationSimulation, Episodes, World, check_torque_left
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Execution, Precedence
@@ -72,7 +72,9 @@ class EpisodeShield(Stateful):
         self.shield = Shield(simulation.cell, simulation.world, scripted=scripted, plan=plan, tube_m=tube_m)
         # Plans keep the reserve between two arms: half of it is for each.
         self._tube = tube_m + 0.5 * (simulation.cell.planned_clearance - simulation.cell.d_min)
-        self.keeper = OrderKeeper(simulation.cell, self.shield.regions, 1, simulation.options.orders)
+        self.keeper = OrderKeeper(
+            simulation.cell, self.shield.regions, stops_seen(1, simulation.arms), simulation.options.orders
+        )
         self._watching = self.keeper.decides or simulation.options.observation == "graph"
         self._changed, self.order_work, self._every = False, self.keeper.work(), np.ones(1, dtype=np.bool_)
         self.shield.reset(np.zeros(simulation.arms))  # not from where it is: what is drawn there may be drawn again

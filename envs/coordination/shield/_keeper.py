@@ -8,7 +8,7 @@ from typing import final
 import numpy as np
 
 from armtempo.envs.coordination.shield._deciding import OrderWork, order_work
-from armtempo.envs.coordination.shield._stops_seen import EXPECTED_REST_SHARE, forget, stops_seen
+from armtempo.envs.coordination.shield._stops_seen import EXPECTED_REST_SHARE, StopsSeen, forget
 from armtempo.envs.coordination.world import OrderRule
 from armtempo.planners import CoordinationCell
 from armtempo.planners.coordination import PassingOrders, order_tables
@@ -23,11 +23,11 @@ class OrderKeeper(Stateful):
     Args:
         cell: The cell.
         regions: Of its shield.
-        episodes: E.
+        seen: Of E episodes: who stands.
         rule: Who decides the orders, see ``CoordinationOptions.orders``.
 
     Attributes:
-        seen: Who stands.
+        seen: As given.
         rule: As given.
         expected: How long a stop lasts before one was seen [s].
         unit: The longest minimum time, of which times are told [s].
@@ -35,9 +35,8 @@ class OrderKeeper(Stateful):
 
     changing = ("seen",)
 
-    def __init__(self, cell: CoordinationCell, regions: PassingOrders, episodes: int, rule: OrderRule) -> None:
-        self._cell, self._regions, self.rule = cell, regions, rule
-        self.seen = stops_seen(episodes, len(cell.arms))
+    def __init__(self, cell: CoordinationCell, regions: PassingOrders, seen: StopsSeen, rule: OrderRule) -> None:
+        self._cell, self._regions, self.rule, self.seen = cell, regions, rule, seen
         times = [motion.duration for motion in cell.fastest]
         self.expected = EXPECTED_REST_SHARE * float(np.mean(times))
         self.unit = max(times)

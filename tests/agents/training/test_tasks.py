@@ -19,6 +19,7 @@ OPTIONS: dict[type, type[Any]] = {
 OF_TRAININGS = {  # where agents learn, and how: no options of an episode
     "cells", "benchmark", "cell", "learners", "custom_disturbance", "undisturbed_share", "undisturbed_until", "reward",
     "cut_penalty", "control_period_s", "families", "reward_scale", "targets", "hold_periods",
+    "validation",
 }  # fmt: skip
 TOLD_OTHERWISE = {  # options that a training leaves as they are, or has under another key
     CoordinationTraining: {"master_late_s", "model_error", "friction_error", "shield_tube_m", "max_episode_s"},
@@ -45,7 +46,7 @@ def test_a_training_has_the_choices_of_episodes(training: Any) -> None:
     for key in set(training.model_fields) - OF_TRAININGS:
         for choice in get_args(training.model_fields[key].annotation):
             if isinstance(choice, str):
-                with_shield = {"shield": True} if key == "action" else {}  # which a priority needs
+                with_shield = {"shield": True} if key in ("action", "observation", "orders") else {}  # they need one
                 assert getattr(OPTIONS[training](**{key: choice}, **with_shield), key) == choice
 
 

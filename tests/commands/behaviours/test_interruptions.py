@@ -137,7 +137,7 @@ def test_other_arguments_or_another_cell_take_nothing_over(
 BENCHES = {
     "agents": (["bench", "agents", "--policies", "phase-plane", "ppo:generalist", "--episodes", "2"], "cells"),
     "coordination": (["bench", "coordination", "--methods", "sequential", "delay", "--audit", "none"], "results"),
-    "arms": (["bench", "arms", "--arms", "2", "--count", "2", "--methods", "delay", "--out", "arms.png"], "rings"),
+    "arms": (["bench", "arms", "--arms", "2", "--count", "2", "--methods", "delay", "--out", "arms.png"], "cells"),
 }
 
 
@@ -158,7 +158,7 @@ def test_a_bench_goes_on_behind_what_it_has(
     assert "Going on behind 1 results" in capsys.readouterr().err
     whole, outcome = (json.loads(Path(file).read_text()) for file in ("whole.json", "e.json"))
     assert without_times(outcome) == without_times(whole)
-    first = {"agents": [kept], "coordination": kept.get("results"), "arms": [kept]}[name]
+    first = {"agents": [kept], "coordination": kept.get("results"), "arms": [kept.get("entry")]}[name]
     assert outcome[rows][: len(first)] == first  # with what the clock measured then
     assert not Path("results").exists()
 
