@@ -24,7 +24,6 @@ from armtempo.planners import CoordinationCell, generate_cell, load_cell
 pytestmark = [pytest.mark.rl, pytest.mark.filterwarnings("ignore::DeprecationWarning:tensorboard.*")]
 
 TEAM: dict[str, Any] = {"shield": True, "observation": "graph", "orders": "search+stop", "reward": "team"}
-AGENT: Any = {"shield": True, "observation": "graph"}
 FILE = """
 name: small
 algorithm: ppo
@@ -82,7 +81,7 @@ def test_an_action_is_held_as_long_as_in_training(tmp_path: Path, ring: Coordina
     (tmp_path / "small.yaml").write_text(FILE)
     agent = train(tmp_path / "small.yaml", tmp_path / "out", steps=48).agent
     assert agent.header.decide_every == 10
-    env = CoordinationEnv(ring, physics="ideal", **{**AGENT, "orders": "search+stop"})
+    env = CoordinationEnv(ring, physics="ideal", shield=True, observation="graph", orders="search+stop")
     policy = LearnedPolicy(agent)
     observations, _ = env.reset(seed=0)
     policy.reset()
