@@ -23,13 +23,12 @@ import numpy as np
 from armtempo.agents.policies import Actions, Observations, action_size, to_action
 from armtempo.arrays import Floats
 from armtempo.envs import CoordinationEnv, EpisodeShield
+from armtempo.envs.coordination.shield import BETTER_SHARE, DECIDE_EVERY
 from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell
 from armtempo.planners.coordination import Orders, OrderSearch
 
-DECIDE_EVERY = 10  # control periods
-BETTER_SHARE = 0.02
-RUN_BETTER_SHARE = 0.005  # likewise of orders that were run ahead, which is exact but for what nobody knows yet
+RUN_BETTER_SHARE = 0.005  # instead of ``BETTER_SHARE``, of orders that were run ahead: exact but for what nobody knows
 RUNS = 3  # orders besides the one that holds that are run ahead, at most
 
 Candidates = Callable[[OrderSearch, Floats, Floats, Orders], tuple[Orders, Floats]]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from armtempo.files import is_sealed, whole_file, write_sealed
 
 CHECKPOINT_FORMAT = "armtempo checkpoint"
 CHECKPOINT_VERSION = 2
+NUMBERS = re.compile(r"[<>|=][biuf][1248]")
+"""Types of arrays, as numpy writes them."""
 _REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -232,5 +235,7 @@ def _pack(array: Any) -> dict[str, Any]:
 
 
 def _unpack(packed: dict[str, Any]) -> NDArray[Any]:
+    if NUMBERS.fullmatch(packed["type"]) is None:  # numpy reads more than types of numbers there, objects too
+        raise ValueError("an array is of something else than numbers")
     array: NDArray[Any] = packed["bytes"].numpy().view(np.dtype(packed["type"])).reshape(packed["shape"])
     return array.copy()

@@ -230,7 +230,7 @@ class EvaluationCallback(BaseCallback):
             self._evaluate(model)
         self._save(model, cut=False)
         agent = agent_of(model, _header(self._task, steps, self._curve))
-        if (self._folder / BEST).exists():
+        if self._task.config.evaluation.select == "best" and (self._folder / BEST).exists():
             best = load_agent(self._folder / BEST)
             agent = replace(best, header=replace(agent.header, steps=best.header.steps))
         save_agent(self._folder / AGENT, agent)

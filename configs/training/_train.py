@@ -1,7 +1,7 @@
 """What a training file may say: who learns, where, by which algorithm, and how the outcome is watched.
 
 **Steps** are agent steps everywhere: decisions of one learning arm. Two arms that learn in 64 environments make 128 of
-them per control period.
+them per control period. Where agents see graphs, a step is a decision for all arms of an episode, held for a while.
 """
 
 from __future__ import annotations

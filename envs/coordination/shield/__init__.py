@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from armtempo.envs.coordination.shield._batch import admit_all, draw_shielded, note_all
-from armtempo.envs.coordination.shield._deciding import OrderWork, hold_back_all, look_all
+from armtempo.envs.coordination.shield._deciding import (
+    BETTER_SHARE,
+    DECIDE_EVERY,
+    OrderWork,
+    hold_back_all,
+    look_all,
+)
 from armtempo.envs.coordination.shield._episode_shield import EpisodeShield, plan_of
 from armtempo.envs.coordination.shield._keeper import OrderKeeper
 from armtempo.envs.coordination.shield._kernels import NOBODY_WAITS, Orders
@@ -20,6 +26,8 @@ from armtempo.envs.coordination.shield._trial import CHANNELS, REQUESTS, ShieldT
 from armtempo.envs.coordination.shield._turning import keep_orders
 
 __all__ = [
+    "BETTER_SHARE",
+    "DECIDE_EVERY",
     "CHANNELS",
     "EpisodeShield",
     "Foresight",

@@ -32,7 +32,7 @@ class OrderWork(NamedTuple):
     nodes: Orders  # (NODES, R)
     best: Orders  # (ORDERS_KEPT, R)
     costs: Floats  # (ORDERS_KEPT,)
-    held: Orders  # (2, R) the order that holds, and what was asked for before
+    held: Orders  # (2, R) the order that holds, and one that is run ahead
     to_go: Floats  # (A,)
     still: Floats  # (A,)
     arrival: Floats  # (2, A)

@@ -25,7 +25,7 @@ pytest.importorskip("tensorboard")
 import torch
 
 from armtempo.agents import Training, evaluate, find_agent, train
-from armtempo.agents.training._checkpoint import read_checkpoint, save_checkpoint
+from armtempo.agents.training._checkpoint import _pack, _unpack, read_checkpoint, save_checkpoint
 from armtempo.agents.training._logs import open_logs
 from armtempo.agents.training._signals import HeldSignals
 from armtempo.agents.training._train import EvaluationCallback
@@ -474,3 +474,12 @@ class Trap:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Path.touch, (self.path,)
+
+
+@pytest.mark.parametrize("kind", ["|O8", "O", "<U3", "|V4", "i08,04", "<f8,", ""])
+def test_an_array_of_anything_but_numbers_is_not_unpacked(kind: str) -> None:
+    """Of a type of objects bytes would be taken for pointers: the process would die."""
+    packed = {**_pack(np.arange(2.0)), "type": kind}
+    with pytest.raises(ValueError, match="something else than numbers"):
+        _unpack(packed)
+    np.testing.assert_array_equal(_unpack({**packed, "type": "<f8"}), [0.0, 1.0])
