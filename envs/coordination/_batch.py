@@ -48,6 +48,7 @@ from armtempo.envs.coordination.world import (
     Draws,
     World,
     as_noise,
+    check_places,
     describe,
     draw_all,
     ideal_world,
@@ -202,6 +203,13 @@ class BatchSimulation(Stateful):
     def stands(self) -> Bools:
         """(E, A) arms that are seen to stand though they were sent on; nobody where nobody watches."""
         return np.zeros(self.lam.shape, dtype=np.bool_) if self._keeper is None else self._keeper.seen.stands.copy()
+
+    def check_state(self, state: Mapping[str, Any]) -> None:
+        """Raise InputError for a state with arms off their paths, or orders that there are not, too."""
+        super().check_state(state)
+        check_places(state, self._lengths)
+        if not all(np.isin(state[name], (0, 1, NOBODY_WAITS)).all() for name in ("orders", "asked")):
+            raise InputError("the state's orders are none", remedy="give what get_state returned")
 
     def _go_on(self, state: Mapping[str, Any]) -> None:
         super()._go_on(state)

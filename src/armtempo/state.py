@@ -56,9 +56,7 @@ class Stateful:
                 what = f"the state's {key!r} does not fit this {type(self).__name__}"
                 raise InputError(what, remedy="make it with the same arguments")
         for name in self.changing:  # what is nested may know more
-            value = getattr(self, name)
-            if isinstance(value, Stateful):
-                value.check_state(_below(name.lstrip("_"), state))
+            _check_nested(name.lstrip("_"), getattr(self, name), state)
 
     def _go_on(self, state: Mapping[str, Any]) -> None:
         """From a state that fits."""
@@ -67,6 +65,14 @@ class Stateful:
             put = _put(name.lstrip("_"), value, state)
             if put is not value:
                 setattr(self, name, put)
+
+
+def _check_nested(name: str, value: Any, state: Mapping[str, Any]) -> None:
+    if isinstance(value, Stateful):
+        value.check_state(_below(name, state))
+    elif _nested(value):
+        for key, part in _fields(value):
+            _check_nested(f"{name}.{key}", part, state)
 
 
 def _taken(name: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -36,6 +36,7 @@ from armtempo.envs.coordination.world._simulation import CoordinationSimulation,
 from armtempo.envs.coordination.world._world import (
     Episodes,
     World,
+    check_places,
     clearance_of,
     ideal_world,
     length_of,
@@ -44,6 +45,7 @@ from armtempo.envs.coordination.world._world import (
 )
 
 __all__ = [
+    "check_places",
     "check_torque_left",
     "START_ATTEMPTS",
     "DISTURBANCES",

@@ -6,7 +6,7 @@ Both environments run on this; it knows arms and time, not agents, spaces or rew
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -37,7 +37,7 @@ from armtempo.envs.coordination.world._kernels import (
 )
 from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._pace import obeyed_commands, pace
-from armtempo.envs.coordination.world._world import Episodes, World, ideal_world, make_episodes, pack
+from armtempo.envs.coordination.world._world import Episodes, World, check_places, ideal_world, make_episodes, pack
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
 from armtempo.state import Stateful
@@ -150,6 +150,11 @@ class CoordinationSimulation(Stateful):
         if options.physics == "bullet":
             self._clock_first = first_rate(self._world, cell, options, enough=self.keeps_up)
         self.reset()
+
+    def check_state(self, state: Mapping[str, Any]) -> None:
+        """Raise InputError for a state with arms off their paths, too."""
+        super().check_state(state)
+        check_places(state, self._lengths)
 
     def _joints_at(self, lam: Floats) -> Floats:
         """(A, n) joint positions on the paths at ``lam`` (A,)."""

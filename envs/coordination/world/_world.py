@@ -6,15 +6,16 @@ little, and the functions below cut the arrays out again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations, permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armtempo.arrays import Bools, Floats, Ints
+from armtempo.errors import InputError
 from armtempo.planners import CoordinationCell, PhaseTrajectory
 from armtempo.planners.charts import ClearanceTable, clearance_table
 from armtempo.planners.joint_paths.kernels import PathTable
@@ -79,6 +80,13 @@ def make_episodes(count: int, arms: int, stops: int) -> Episodes:
         late=each(), speed=each(1.0), stops=np.zeros((count, arms, stops, 2)), rewarded=each(), charged=each(),
         clock=np.ones(count),
     )  # fmt: skip
+
+
+def check_places(state: Mapping[str, Any], lengths: Floats) -> None:
+    """Raise InputError for a state with ``episodes`` off the paths: compiled loops would read what is not theirs."""
+    lam, mu = state["episodes.lam"], state["episodes.mu"]
+    if not (((lam >= 0.0) & (lam <= lengths)).all() and ((mu >= 0.0) & (mu < np.inf)).all()):
+        raise InputError("the state's arms are not on their paths", remedy="give what get_state returned")
 
 
 def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int, ClearanceTable]] = ()) -> World:

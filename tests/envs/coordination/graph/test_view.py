@@ -259,3 +259,31 @@ def test_what_cannot_be_asked_for() -> None:
         CoordinationEnv("lee1991", shield=True, observation="graph", observation_noise=0.1)
     with pytest.raises(InputError, match="nobody watches"):
         BatchSimulation("lee1991", 1, shield=True).hold_back()
+
+
+@pytest.mark.parametrize("kind", ["single", "batch", "vector"])
+@pytest.mark.parametrize(
+    ("name", "value"), [("lam", 8.8e160), ("lam", -1e-300), ("lam", np.nan), ("mu", -1.0), ("mu", np.inf)]
+)
+def test_a_state_with_arms_off_their_paths_is_refused(kind: str, name: str, value: float) -> None:
+    """Compiled loops would read what is not theirs."""
+    make: Any = {"single": CoordinationEnv, "batch": BatchSimulation, "vector": CoordinationVectorEnv}[kind]
+    env = make("lee1991", **GRAPH) if kind == "single" else make("lee1991", 2, **GRAPH)
+    env.reset()
+    state = env.get_state()
+    (key,) = [one for one in state if one.endswith(f"episodes.{name}")]
+    wrong = state[key].copy()
+    wrong[0, 1] = value
+    with pytest.raises(InputError, match="not on their paths"):
+        env.set_state({**state, key: wrong})
+    env.set_state(state)
+    env.close()
+
+
+def test_a_state_with_orders_that_there_are_not_is_refused(ring: CoordinationCell) -> None:
+    batch = BatchSimulation(ring, 2, **GRAPH)
+    state = batch.get_state()
+    for name in ("orders", "asked"):
+        with pytest.raises(InputError, match="orders are none"):
+            batch.set_state({**state, name: np.full_like(state[name], 7)})
+    batch.close()
