@@ -26,7 +26,14 @@ from armtempo.envs.coordination import (
     YieldingEnv,
     YieldingVectorEnv,
 )
-from armtempo.envs.coordination.graph import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES, graph_space
+from armtempo.envs.coordination.graph import (
+    EDGE_ENTRIES,
+    EDGE_PLACES,
+    GRAPH_ARMS,
+    NODE_ENTRIES,
+    NODE_PLACES,
+    graph_space,
+)
 from armtempo.envs.coordination.shield import (
     CHANNELS,
     REQUESTS,
@@ -107,6 +114,8 @@ __all__ = [
     "ACTION_MODES",
     "ActionMode",
     "EDGE_ENTRIES",
+    "EDGE_PLACES",
+    "NODE_PLACES",
     "FeedbackIKEnv",
     "FeedbackIKVectorEnv",
     "GRAPH_ARMS",

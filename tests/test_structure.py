@@ -92,6 +92,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "agents/coordination/_team_training.py",
         "agents/training/_imitation.py",
         "agents/training/vec_envs/_team.py",
+        "agents/training/vec_envs/_whole.py",
     ),
     "tests/agents/coordination/test_order_policies.py": (
         "envs/coordination/shield/_deciding.py",

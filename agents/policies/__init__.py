@@ -11,7 +11,7 @@ from armtempo.agents.policies._agent_file import (
     save_agent,
     shipped_agents,
 )
-from armtempo.agents.policies._graph_network import GRAPH_NAMES, flat_rows, graph_shapes
+from armtempo.agents.policies._graph_network import FLAT_SIZE, GRAPH_NAMES, NODE_NUMBERS, flat_rows, graph_shapes
 from armtempo.agents.policies._learned import LearnedPolicy, learned_policy, options_of_agent
 from armtempo.agents.policies._policy import (
     Actions,
@@ -24,7 +24,9 @@ from armtempo.agents.policies._policy import (
 )
 
 __all__ = [
+    "FLAT_SIZE",
     "GRAPH_NAMES",
+    "NODE_NUMBERS",
     "Actions",
     "Agent",
     "AgentHeader",

@@ -18,22 +18,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from armtempo.arrays import Floats32
-from armtempo.envs import EDGE_ENTRIES, NODE_ENTRIES
+from armtempo.envs import EDGE_ENTRIES, EDGE_PLACES, GRAPH_ARMS, NODE_ENTRIES, NODE_PLACES
 
 NODES, EDGES = len(NODE_ENTRIES), len(EDGE_ENTRIES)
-PRESENT = [entry.name for entry in NODE_ENTRIES].index("present")
-AHEAD = [entry.name for entry in EDGE_ENTRIES].index("ahead")
+PRESENT, AHEAD = NODE_PLACES["present"], EDGE_PLACES["ahead"]
 GRAPH_NAMES = [f"node.{entry.name}" for entry in NODE_ENTRIES] + [f"edge.{entry.name}" for entry in EDGE_ENTRIES]
 """Names of the entries of a graph."""
 
 LEAST = np.float32(-1e9)
 """Less than any message."""
 
+NODE_NUMBERS, FLAT_SIZE = GRAPH_ARMS * NODES, GRAPH_ARMS * NODES + GRAPH_ARMS**2 * EDGES
+"""Of a graph in one row: numbers of its nodes, which come first, and of all of it."""
+
 Layers = Sequence[tuple[Floats32, Floats32]]
 
 
 def flat_rows(nodes: Floats32, edges: Floats32) -> Floats32:
-    """(E, n) graphs (E, ...) in one row each: their nodes, then their edges."""
+    """(E, FLAT_SIZE) graphs (E, ...) in one row each: their nodes, then their edges."""
     return np.concatenate([nodes.reshape(len(nodes), -1), edges.reshape(len(edges), -1)], axis=1)
 
 
@@ -69,7 +71,7 @@ def run_graph(layers: Layers, activation: str, nodes: Floats32, edges: Floats32)
     """
     arms = int(nodes[:, PRESENT].sum())
     pairs = edges[:arms, :arms]
-    ahead = (pairs[..., AHEAD:] > 0.0)[..., :1].astype(np.float32)
+    ahead = pairs[..., AHEAD : AHEAD + 1]
     meet = ahead.sum(axis=1)
     share, some = np.float32(1.0) / np.maximum(meet, 1.0), np.minimum(meet, 1.0)
     absent = LEAST * (np.float32(1.0) - ahead)

@@ -11,14 +11,12 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
-from armtempo.agents.policies import graph_shapes
-from armtempo.agents.policies._graph_network import AHEAD, EDGES, LEAST, NODES, PRESENT
-from armtempo.envs import GRAPH_ARMS, NODE_ENTRIES
+from armtempo.agents.policies import NODE_NUMBERS, graph_shapes
+from armtempo.envs import EDGE_ENTRIES, EDGE_PLACES, GRAPH_ARMS, NODE_ENTRIES, NODE_PLACES
 
-ARRIVED = [entry.name for entry in NODE_ENTRIES].index("arrived")
-NODE_NUMBERS = GRAPH_ARMS * NODES
-FLAT_SIZE = NODE_NUMBERS + GRAPH_ARMS**2 * EDGES
-"""Numbers of a graph in one row: its nodes, then its edges."""
+NODES, EDGES = len(NODE_ENTRIES), len(EDGE_ENTRIES)
+PRESENT, ARRIVED, AHEAD = NODE_PLACES["present"], NODE_PLACES["arrived"], EDGE_PLACES["ahead"]
+LEAST = -1e9  # less than any message
 
 
 def to_graph(rows: Tensor) -> tuple[Tensor, Tensor]:
@@ -52,7 +50,7 @@ class GraphNetwork(nn.Module):
             told = edges @ pair.T + _bias(to_message)
             message = bend((h @ own.T).unsqueeze(2) + (h @ other.T).unsqueeze(1) + told)
             mean = (message * ahead).sum(dim=2) / heard
-            largest = torch.where(ahead > 0.0, message, float(LEAST)).amax(dim=2) * any_ahead
+            largest = torch.where(ahead > 0.0, message, LEAST).amax(dim=2) * any_ahead
             everyone = (h.sum(dim=1, keepdim=True) / arms).expand_as(h)
             h = bend(to_update(torch.cat([h, mean, largest, everyone], dim=2))) * present
         result: Tensor = layers[-1](bend(layers[-2](h)))

@@ -7,11 +7,11 @@ from typing import Any
 
 import torch
 
-from armtempo.agents.training._graph_policy import NODE_NUMBERS
+from armtempo.agents.policies import NODE_NUMBERS
 from armtempo.configs import ImitationConfig
-from armtempo.envs import GRAPH_ARMS, NODE_ENTRIES
+from armtempo.envs import GRAPH_ARMS, NODE_PLACES
 
-AT_REST = [entry.name for entry in NODE_ENTRIES].index("at_rest")
+AT_REST = NODE_PLACES["at_rest"]
 RESTING_COUNTS_MORE = 3.0  # arms that move go on: it is those at rest that have to choose
 
 

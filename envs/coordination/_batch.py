@@ -248,8 +248,7 @@ class BatchSimulation(Stateful):
             self._scratch[0], self.observations,
         )  # fmt: skip
         if self._keeper is not None:
-            for e in np.flatnonzero(active).tolist():
-                self._keeper.forget(e)
+            self._keeper.forget(active)
             self._look(0, 0, self.episodes, active)
 
     def _look(self, k: int, first: int, last: int, active: Bools) -> None:

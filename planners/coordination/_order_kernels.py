@@ -104,6 +104,15 @@ def lags(tables: OrderTables, lam: Floats, to_go: Floats, lag: Floats) -> None:
 
 
 @njit
+def fill_lags(tables: OrderTables, lam: Floats, mu: Floats, still: Floats, to_go: Floats, lag: Floats) -> None:
+    """``fill_times`` of arms that stand on for ``still`` (A,) [s], added to ``to_go`` (A,) [s], then ``lags``."""
+    fill_times(tables, lam, mu, to_go)
+    for i in range(lam.shape[0]):
+        to_go[i] += still[i]
+    lags(tables, lam, to_go, lag)
+
+
+@njit
 def _delay(tables: OrderTables, lag: Floats, orders: Orders, delay: Floats, r: int, order: int) -> tuple[float, float]:
     """What arm i is late before region r, and what it has to be at least behind it, in this order."""
     i, j = tables.region[r, order, WAITING], tables.region[r, order, LEADING]

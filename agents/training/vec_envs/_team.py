@@ -7,25 +7,21 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, final
 
-import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from armtempo.agents.policies import flat_rows
+from armtempo.agents.policies import FLAT_SIZE, flat_rows
+from armtempo.agents.training.vec_envs._whole import WholeVecEnv
 from armtempo.arrays import Bools, Floats, Floats32
-from armtempo.envs import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES, BatchSimulation
+from armtempo.envs import GRAPH_ARMS, BatchSimulation
 from armtempo.envs.common import Chunks
 from armtempo.errors import InputError
 
-NODE_NUMBERS = GRAPH_ARMS * len(NODE_ENTRIES)
-EDGE_NUMBERS = GRAPH_ARMS**2 * len(EDGE_ENTRIES)
-
 
 @final
-class TeamVecEnv(VecEnv):
+class TeamVecEnv(WholeVecEnv):
     """Row e is episode e: what all its arms see (``flat_rows`` of the graph), and the actions of all, arm by arm.
 
     Rewards are the team's. An action is held for ``hold_periods`` control periods, or until its episode is over.
@@ -48,7 +44,7 @@ class TeamVecEnv(VecEnv):
         self.simulations, self._size, self._hold = tuple(simulations), action_size, hold_periods
         ends = np.cumsum([0, *(one.episodes for one in simulations)]).tolist()
         self._spans = [slice(first, last) for first, last in pairwise(ends)]
-        seen = Box(-2.0, 2.0, (NODE_NUMBERS + EDGE_NUMBERS,), dtype=np.float32)
+        seen = Box(-2.0, 2.0, (FLAT_SIZE,), dtype=np.float32)
         self.render_mode = None
         super().__init__(ends[-1], seen, Box(-1.0, 1.0, (GRAPH_ARMS * action_size,), dtype=np.float32))
         self._chunks = Chunks(len(self.simulations), min(threads, len(self.simulations)))
@@ -159,24 +155,7 @@ class TeamVecEnv(VecEnv):
         for one in self.simulations:
             one.close()
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of this, for each row."""
-        value = getattr(self, attr_name)
-        return [value for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of this."""
-        setattr(self, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method of this, once; its result for each row."""
-        result = getattr(self, method_name)(*method_args, **method_kwargs)
-        return [result for _ in self._get_indices(indices)]
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """There are no Gymnasium wrappers."""
-        return [False for _ in self._get_indices(indices)]
+    @property
+    def whole(self) -> Any:
+        """This: the simulations have nothing in common but their rows."""
+        return self

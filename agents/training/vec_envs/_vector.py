@@ -6,20 +6,19 @@ import time
 from collections.abc import Sequence
 from typing import Any, final
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
+from armtempo.agents.training.vec_envs._whole import WholeVecEnv
 from armtempo.arrays import Bools
 from armtempo.envs import CoordinationVectorEnv, VectorBase
 from armtempo.errors import InputError
 
 
 @final
-class VectorVecEnv(VecEnv):
+class VectorVecEnv(WholeVecEnv):
     """Row ``e L + k`` is learner k of L in episode e.
 
     An episode of a row is that of its environment: ``dones`` of an environment's rows are true together, when all its
@@ -120,27 +119,10 @@ class VectorVecEnv(VecEnv):
         """Close the environments."""
         self.vector.close()
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the vector, for each row."""
-        value = getattr(self.vector, attr_name)
-        return [value for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the vector."""
-        setattr(self.vector, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the vector, once; its result for each row."""
-        result = getattr(self.vector, method_name)(*method_args, **method_kwargs)
-        return [result for _ in self._get_indices(indices)]
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """There are no Gymnasium wrappers."""
-        return [False for _ in self._get_indices(indices)]
+    @property
+    def whole(self) -> Any:
+        """The vector."""
+        return self.vector
 
 
 def _row(observations: Any, row: int) -> Any:

@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from armtempo.envs.coordination.graph._entries import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES
+from armtempo.envs.coordination.graph._entries import EDGE_ENTRIES, EDGE_PLACES, GRAPH_ARMS, NODE_ENTRIES, NODE_PLACES
 from armtempo.envs.coordination.graph._spaces import graph_space
 from armtempo.envs.coordination.graph._view import Graph, Graphs, GraphView, seen_by_all
 
-__all__ = ["EDGE_ENTRIES", "GRAPH_ARMS", "NODE_ENTRIES", "Graph", "GraphView", "Graphs", "graph_space", "seen_by_all"]
+__all__ = [
+    "EDGE_ENTRIES",
+    "EDGE_PLACES",
+    "GRAPH_ARMS",
+    "Graph",
+    "GraphView",
+    "Graphs",
+    "NODE_ENTRIES",
+    "NODE_PLACES",
+    "graph_space",
+    "seen_by_all",
+]

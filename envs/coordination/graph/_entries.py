@@ -46,3 +46,7 @@ EDGE_ENTRIES = (
     Entry("tail", 0.0, LONGEST, "what i needs from there to its end"),
     Entry("delay", 0.0, LONGEST, "how late by the order that holds whoever waits there is"),
 )
+
+NODE_PLACES = {entry.name: k for k, entry in enumerate(NODE_ENTRIES)}
+EDGE_PLACES = {entry.name: k for k, entry in enumerate(EDGE_ENTRIES)}
+"""Where each entry stands, by its name."""

@@ -12,8 +12,7 @@ from armtempo.planners.coordination.kernels import (
     WAITING,
     OrderTables,
     arrivals,
-    fill_times,
-    lags,
+    fill_lags,
     settle,
     time_to_go,
 )
@@ -27,7 +26,6 @@ from armtempo.robots import njit, unlocked
 AHEAD, REGIONS, FIRST, OPEN, WAIT, LEAD, ENTRY, EXIT, TAIL, LATE = range(len(EDGE_ENTRIES))
 STOPS_TOLD, REGIONS_TOLD = 4.0, 8.0  # of which there are told as many at most
 WAITS = 1e-6  # [s]: what is less is none
-MOVING = 1e-12  # mu
 
 
 @njit
@@ -41,7 +39,7 @@ def _fill_nodes(
     world: World, prices: OrderTables, seen: StopsSeen, episodes: Episodes, e: int, orders: Orders, unit: float,
     own: OrderWork, nodes: Floats32,
 ) -> None:  # fmt: skip
-    """The arms of episode e; ``own`` as ``fill_graph`` has filled it."""
+    """The arms of episode e; ``own`` as ``fill_graphs`` has filled it."""
     now, arrival = episodes.ticks[e] * world.tick, own.arrival[0]
     last = arrival.max()
     for i in range(arrival.shape[0]):
@@ -52,7 +50,7 @@ def _fill_nodes(
         edge = np.sqrt(max(phase_kernels.upper_edge(steps, k, (lam - begin) / (stop - begin)), 0.0))
         loss = time_to_go(prices, i, lam, 0.0) - time_to_go(prices, i, lam, 1.0)
         node[PRESENT], node[ARRIVED], node[PROGRESS] = 1.0, 1.0 if lam >= end else 0.0, min(lam / end, 1.0)
-        node[SPEED], node[AT_REST] = min(mu / edge, 1.0) if edge > 0.0 else 0.0, 1.0 if mu <= MOVING else 0.0
+        node[SPEED], node[AT_REST] = min(mu / edge, 1.0) if edge > 0.0 else 0.0, 1.0 if mu <= 0.0 else 0.0
         node[MINIMUM_TIME], node[ELAPSED] = world.scale[i, 0] / unit, _told(now, unit)
         node[TIME_TO_GO] = _told(own.to_go[i], unit)
         node[DELAY], node[SLACK] = _told(arrival[i] - own.to_go[i], unit), _told(last - arrival[i], unit)
@@ -73,7 +71,7 @@ def _fill_nodes(
 
 @njit
 def _fill_edges(prices: OrderTables, orders: Orders, unit: float, own: OrderWork, edges: Floats32) -> None:
-    """The pairs; ``own`` as ``fill_graph`` has filled it."""
+    """The pairs; ``own`` as ``fill_graphs`` has filled it."""
     for r in range(orders.shape[0]):
         if own.lag[r, 0] == -np.inf:  # behind them
             continue
@@ -86,12 +84,8 @@ def _fill_edges(prices: OrderTables, orders: Orders, unit: float, own: OrderWork
                 continue
             waits, leads = own.lag[r, order], own.lag[r, 1 - order]
             tail = time_to_go(prices, i, leave, 1.0)
-            edge[AHEAD], edge[ENTRY], edge[EXIT], edge[TAIL] = (
-                1.0,
-                until,
-                _told(own.to_go[i] - tail, unit),
-                _told(tail, unit),
-            )
+            edge[AHEAD], edge[ENTRY] = 1.0, until
+            edge[EXIT], edge[TAIL] = _told(own.to_go[i] - tail, unit), _told(tail, unit)
             edge[FIRST] = 0.0 if orders[r] == NOBODY_WAITS else -1.0 if orders[r] == order else 1.0
             edge[OPEN] = 1.0 if waits < np.inf and leads < np.inf else 0.0
             edge[WAIT], edge[LEAD], edge[LATE] = _told(waits, unit), _told(leads, unit), _told(own.delay[r], unit)
@@ -124,10 +118,7 @@ def fill_graphs(
         if not active[e]:
             continue
         still_standing(seen, e, episodes.ticks[e] * world.tick, expected, period, own.still)
-        fill_times(prices, episodes.lam[e], episodes.mu[e], own.to_go)
-        for i in range(own.still.shape[0]):
-            own.to_go[i] += own.still[i]
-        lags(prices, episodes.lam[e], own.to_go, own.lag)
+        fill_lags(prices, episodes.lam[e], episodes.mu[e], own.still, own.to_go, own.lag)
         if not settle(prices, own.lag, orders[e], own.delay):
             own.delay[:] = 0.0
         arrivals(prices, own.to_go, orders[e], own.delay, own.arrival[0])

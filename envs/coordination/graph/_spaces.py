@@ -82,6 +82,6 @@ def graph_space(own: bool = True) -> Dict:
 def _box(shape: tuple[int, ...], entries: tuple[Entry, ...]) -> Box:
     low, high = (
         np.broadcast_to(np.array(ends, dtype=np.float32), (*shape, len(entries))).copy()
-        for ends in ([min(entry.low, 0.0) for entry in entries], [entry.high for entry in entries])
+        for ends in ([entry.low for entry in entries], [entry.high for entry in entries])
     )
     return Box(low, high, dtype=np.float32)

@@ -8,8 +8,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from armtempo.arrays import Bools, Floats32
-from armtempo.envs.coordination.graph._entries import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES
-from armtempo.envs.coordination.graph._kernels import DELAY, fill_graphs
+from armtempo.envs.coordination.graph._entries import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES, NODE_PLACES
+from armtempo.envs.coordination.graph._kernels import fill_graphs
 from armtempo.envs.coordination.shield import EpisodeShield, OrderKeeper, Orders, OrderWork
 from armtempo.envs.coordination.world import Episodes, World
 from armtempo.errors import InputError
@@ -71,7 +71,7 @@ class GraphView:
     @property
     def delays(self) -> Floats32:
         """(E, GRAPH_ARMS) how much later than at full speed arms arrive by the orders that hold, in units."""
-        return self.graphs.nodes[..., DELAY]
+        return self.graphs.nodes[..., NODE_PLACES["delay"]]
 
     def seen_by(self, i: int, e: int = 0) -> Graph:
         """What arm i of episode e sees; new arrays."""

@@ -13,7 +13,7 @@ from armtempo.envs.coordination.shield._stops_seen import UNDECIDED_YET, StopsSe
 from armtempo.envs.coordination.shield._turning import keep_orders
 from armtempo.envs.coordination.world import Episodes, World, length_of
 from armtempo.planners import CoordinationCell
-from armtempo.planners.coordination.kernels import NODES, OrderTables, fill_times, lags, price, search
+from armtempo.planners.coordination.kernels import NODES, OrderTables, fill_lags, fill_times, price, search
 from armtempo.robots import njit, unlocked
 
 DECIDE_EVERY = 10  # control periods, unless an arm comes to stand or goes again
@@ -74,10 +74,7 @@ def best_order(
         own: Scratch.
         work: Scratch.
     """
-    fill_times(prices, lam, mu, own.to_go)
-    for i in range(lam.shape[0]):
-        own.to_go[i] += still[i]
-    lags(prices, lam, own.to_go, own.lag)
+    fill_lags(prices, lam, mu, still, own.to_go, own.lag)
     enough = price(prices, own.lag, own.to_go, orders, own.forced, own.delay)
     if not first:
         enough *= 1.0 - BETTER_SHARE

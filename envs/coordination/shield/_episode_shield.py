@@ -89,7 +89,7 @@ class EpisodeShield(Stateful):
     def reset(self) -> None:
         """Begin an episode where the simulation is; raises as ``Shield.reset``."""
         self.shield.reset(self._simulation.lam, self._simulation.uncertain)
-        self.keeper.forget(0)
+        self.keeper.forget(self._every)
         self._clear()
         self.look()
 

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from armtempo.arrays import Bools
 from armtempo.envs.coordination.shield._deciding import OrderWork, order_work
 from armtempo.envs.coordination.shield._stops_seen import EXPECTED_REST_SHARE, StopsSeen, forget
 from armtempo.envs.coordination.world import OrderRule
@@ -59,6 +60,6 @@ class OrderKeeper(Stateful):
         """Scratch for one thread."""
         return order_work(self._cell, len(self._regions.regions))
 
-    def forget(self, e: int) -> None:
-        """Episode e begins anew."""
-        forget(self.seen, e)
+    def forget(self, active: Bools) -> None:
+        """The active ones (E,) of the episodes begin anew."""
+        forget(self.seen, active)

@@ -46,11 +46,13 @@ def stops_seen(episodes: int, arms: int) -> StopsSeen:
 
 
 @njit
-def forget(seen: StopsSeen, e: int) -> None:
-    """Episode e begins anew."""
-    seen.sent[e], seen.clock[e] = np.nan, 1.0
-    seen.stands[e], seen.since[e], seen.stops[e], seen.rested[e], seen.obeyed[e] = False, 0.0, 0, 0.0, 1.0
-    seen.waited[e] = UNDECIDED_YET
+def forget(seen: StopsSeen, active: Bools) -> None:
+    """The active ones (E,) of the episodes begin anew."""
+    for e in range(active.shape[0]):
+        if active[e]:
+            seen.sent[e], seen.clock[e] = np.nan, 1.0
+            seen.stands[e], seen.since[e], seen.stops[e], seen.rested[e] = False, 0.0, 0, 0.0
+            seen.obeyed[e], seen.waited[e] = 1.0, UNDECIDED_YET
 
 
 @njit

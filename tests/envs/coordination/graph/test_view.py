@@ -12,8 +12,10 @@ import pytest
 from armtempo.agents import make_policy
 from armtempo.envs import (
     EDGE_ENTRIES,
+    EDGE_PLACES,
     GRAPH_ARMS,
     NODE_ENTRIES,
+    NODE_PLACES,
     BatchSimulation,
     CoordinationEnv,
     CoordinationVectorEnv,
@@ -26,8 +28,7 @@ from armtempo.errors import InputError, UnknownNameError
 from armtempo.planners import CoordinationCell, generate_cell
 from armtempo.planners.coordination import OrderSearch
 
-NODE = {entry.name: k for k, entry in enumerate(NODE_ENTRIES)}
-EDGE = {entry.name: k for k, entry in enumerate(EDGE_ENTRIES)}
+NODE, EDGE = NODE_PLACES, EDGE_PLACES
 GRAPH: Any = {"physics": "ideal", "shield": True, "observation": "graph"}
 
 
