@@ -93,6 +93,7 @@ class OrderPolicy:
         """Forget the episode."""
         self._periods: int | None = None
         self._held_until = np.zeros(self._arms)
+        self._decided_at = np.full(self._arms, np.nan)
 
     def act(self, observations: Observations, env: CoordinationEnv) -> Actions:
         """Full speed or rest, for those who act; the shield of ``env`` is asked for another order where that pays.
@@ -122,9 +123,12 @@ class OrderPolicy:
             shield.search(expects=self._rule.expects, first=first)
         else:
             self._ask(env, shield, self._rule.candidates, first)
-        self._held_until[:] = 0.0
-        if self._rule.holds and not shield.stands.any():  # where an arm stands, who holds back may be the next
-            self._held_until = env.simulation.time + shield.hold_back()
+        here = env.simulation.lam.copy()
+        if self._rule.holds and not (np.array_equal(here, self._decided_at) and not shield.stands_changed):
+            # While nobody has moved, what was decided holds: decided anew again and again, they would wait for ever.
+            self._decided_at, self._held_until = here, np.zeros(self._arms)
+            if not shield.stands.any():  # where an arm stands, who holds back may be the next
+                self._held_until = env.simulation.time + shield.hold_back()
 
     def _ask(self, env: CoordinationEnv, shield: EpisodeShield, candidates: Candidates, first: bool) -> None:
         """Ask for the best of the candidates, if it is enough better than the order that holds."""

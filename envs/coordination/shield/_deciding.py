@@ -144,16 +144,22 @@ def hold_back(
     """Fill ``holds`` (A,): for how long arms at rest wait where they are, instead of on their way [s].
 
     As much of the time that they will lose behind others as is quickest when all is run ahead under the shield,
-    ``longest`` [s] at most; none of it where that is.
+    ``longest`` [s] at most; none of it where that is. One at least of the arms on their way does not wait.
     """
     arms, period = lam.shape[0], ticks * world.tick
     holds[:] = 0.0
     fill_times(prices, lam, mu, own.to_go)
     best = _makespan(world, tables, orders, lam, mu, still, scripted, uncertain, ticks, longest, own, work)
-    late, most = own.arrival[1], 0.0
+    late, most, least = own.arrival[1], 0.0, np.inf
     for i in range(arms):
-        at_rest = mu[i] == 0.0 and still[i] == 0.0 and lam[i] < length_of(world, i)
+        at_rest = mu[i] == 0.0 and still[i] == 0.0
         late[i] = max(own.arrival[0, i] - own.to_go[i], 0.0) if at_rest and own.arrival[0, i] < np.inf else 0.0
+        if lam[i] < length_of(world, i):
+            least = min(least, late[i])
+        else:
+            late[i] = 0.0
+    for i in range(arms):  # where nobody moves, what all wait is lost
+        late[i] = max(late[i] - least, 0.0)
         most = max(most, late[i])
     if most <= period:
         return

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.agents import evaluate
+from armtempo.agents import evaluate, make_policy
 from armtempo.agents.coordination._order_policies import ORDER_POLICIES, OrderPolicy
 from armtempo.agents.evaluation import play
 from armtempo.envs import CoordinationEnv, Disturbance
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, generate_cell, load_cell
+from armtempo.planners import CoordinationCell, benchmark_instances, generate_cell, load_cell
 from armtempo.planners.topp import Mode
 
 
@@ -111,6 +111,20 @@ def test_an_arm_that_stands_is_seen_and_how_long_it_stood() -> None:
     assert end - 1e-9 <= seen[-1] <= end + 2.0 * period
     assert env.shield is not None
     assert env.shield.keeper.seen.rested[0].tolist() == [pytest.approx(end - begin, abs=2.0 * period), 0.0]
+
+
+@pytest.mark.parametrize("policy", ["search+hold", "rollout"])
+def test_arms_that_hold_back_for_each_other_do_not_wait_for_ever(policy: str) -> None:
+    """All five are late behind another one here once all have stopped: who decides to wait must go some time."""
+    (cell,) = [one.build() for one in benchmark_instances("test", family="ring") if one.name == "ring5-1991-0023"]
+    env = CoordinationEnv(cell, physics="ideal", shield=True, disturbance="all-stop-and-go")
+    decides = make_policy(policy, cell)
+    observations, _ = env.reset(seed=100_000)
+    decides.reset()
+    while env.agents:
+        observations, *_ = env.step(decides.act(observations, env))
+    assert env.simulation.arrival.max() < 2.0  # full speed in the same orders: 1.30 s
+    env.close()
 
 
 def test_without_a_shield_they_are_not_offered_and_say_what_they_need() -> None:
