@@ -65,12 +65,12 @@ from armtempo.agents.policies import (
     learned_policy,
     load_agent,
     save_agent,
-    shipped_agents,
     to_action,
 )
 from armtempo.agents.training import TRAINING, Objective, SweepTrial, load_training, sweep, training_gap
 
 if TYPE_CHECKING:
+    from armtempo.agents.training._graph_module import GraphNetwork
     from armtempo.agents.training._train import Training, train
     from armtempo.agents.training.vec_envs import ParallelVecEnv, VectorVecEnv
 
@@ -94,6 +94,7 @@ __all__ = [
     "ExecutionPolicy",
     "Figure",
     "GainPolicy",
+    "GraphNetwork",
     "IKEvaluation",
     "IKResult",
     "Kind",
@@ -129,7 +130,6 @@ __all__ = [
     "reference_demand",
     "run_episode",
     "save_agent",
-    "shipped_agents",
     "speed_errors",
     "sweep",
     "to_action",

@@ -87,8 +87,7 @@ def evaluate(
     Args:
         cell: Where.
         policies: Names of the cell's kind (``COORDINATION_POLICIES``, ``BLEND_POLICIES``, ``IK_POLICIES``), or of
-            learned agents: ``ppo:NAME`` for one that comes with armtempo, ``ppo:path/to/file.npz`` for a file. None:
-            all of the kind that have a plan here.
+            learned agents: ``ppo:path/to/file.npz``. None: all of the kind that have a plan here.
         episodes: Episodes per policy; where nothing is drawn, baselines other than ``random`` do the same in each.
         seed: Seed of the first episode; the following ones count up, and every policy meets the same episodes.
         options: What is asked of the episodes: ``CoordinationOptions``, ``BlendOptions``, ``IKOptions``.

@@ -44,8 +44,8 @@ class Evaluate:
     """Policies to run: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, offset,
     interval, optimal, random; under the shield search, search+stop, search+hold, longest-path, reorder, rollout;
     in blend cells line-speed, limit-aware, limit-aware-smooth, constant, random; in ik cells feedback,
-    feedback-ff, feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:NAME (one that comes
-    with armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it."""
+    feedback-ff, feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:FILE.npz, with sac:
+    or tqc: if these made it."""
     episodes: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """Episodes per policy; the table shows the worst clearance, torque and path error of all."""
     seed: Seed = 0

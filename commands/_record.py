@@ -54,8 +54,8 @@ class Record:
     """Who decides: phase-plane, sequential, constant-speed, constant-acceleration, delay, vci, offset, interval,
     optimal, random; under the shield search, search+stop, search+hold, longest-path, reorder, rollout; in blend
     cells line-speed, limit-aware, limit-aware-smooth, constant, random; in ik cells feedback, feedback-ff,
-    feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:NAME (one that comes with
-    armtempo) or ppo:FILE.npz, with sac: or tqc: if these made it."""
+    feedback-damped, newton, law, law-scheduled, random. A learned agent is ppo:FILE.npz, with sac: or
+    tqc: if these made it."""
     out: Annotated[
         Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: results/<cell>/<policy>.mp4)")
     ] = None

@@ -86,7 +86,10 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "envs/coordination/graph/_kernels.py",
         "envs/coordination/graph/_spaces.py",
     ),
-    "tests/agents/policies/test_graph_network.py": ("agents/training/_graph_policy.py",),
+    "tests/agents/policies/test_graph_network.py": (
+        "agents/training/_graph_module.py",
+        "agents/training/_graph_policy.py",
+    ),
     "tests/agents/training/test_graph_training.py": (
         "agents/coordination/_teaching.py",
         "agents/coordination/_team_training.py",

@@ -192,7 +192,7 @@ def compare_on(
 
     Args:
         cells: Where.
-        policies: Out of ``SPLIT_POLICIES``, or learned agents (``ppo:NAME``, ``ppo:FILE.npz``). Those that plan by
+        policies: Out of ``SPLIT_POLICIES``, or learned agents (``ppo:FILE.npz``). Those that plan by
             priority get the order of the arms with the better plan. Agents act in the form that they were trained with
             (``action="speed+priority"``, say), beside the others.
         episodes: Per cell and policy; without a disturbance one says it all.

@@ -9,7 +9,6 @@ from armtempo.agents.policies._agent_file import (
     is_agent_name,
     load_agent,
     save_agent,
-    shipped_agents,
 )
 from armtempo.agents.policies._graph_network import FLAT_SIZE, GRAPH_NAMES, NODE_NUMBERS, flat_rows, graph_shapes
 from armtempo.agents.policies._learned import LearnedPolicy, learned_policy, options_of_agent
@@ -43,7 +42,6 @@ __all__ = [
     "load_agent",
     "options_of_agent",
     "save_agent",
-    "shipped_agents",
     "action_size",
     "to_action",
 ]

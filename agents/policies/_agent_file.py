@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armtempo.agents.policies._graph_network import GRAPH_NAMES, graph_sizes, run_graph
 from armtempo.arrays import Floats32
-from armtempo.errors import InputError, UnknownNameError, brief
+from armtempo.errors import InputError, brief
 from armtempo.files import is_sealed, whole_file, write_sealed
 from armtempo.reading import parse_json, read_bytes, unpacked_arrays, user_path, why_unreadable
 
@@ -33,7 +33,6 @@ Network = Literal["layers", "graph"]
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 VERSION, VERSION_WITHOUT_GRAPHS, VERSION_WITHOUT_DIGEST = 3, 2, 1
-SHIPPED = Path(__file__).parents[1] / "shipped"
 ENVIRONMENT_NAME = re.compile(r"[a-z][a-z0-9_-]*")
 LARGEST = 2**26  # bytes of a file and of its arrays: 16 million numbers
 LARGEST_HEADER = 2**22  # bytes
@@ -257,41 +256,28 @@ def _graph_complaint(header: dict[str, Any], arrays: dict[str, NDArray[Any]]) ->
     return None
 
 
-def shipped_agents() -> tuple[str, ...]:
-    """The agents that come with armtempo, as ``ppo:NAME``, sorted by name."""
-    files = sorted(SHIPPED.glob("*.npz"))
-    return tuple(f"{load_agent(path).header.algorithm}:{path.stem}" for path in files)
-
-
 def is_agent_name(name: str) -> bool:
-    """Whether a policy's name is that of a learned agent: ``ppo:NAME``, ``sac:path/to/file.npz``."""
+    """Whether a policy's name is that of a learned agent: ``ppo:path/to/file.npz``, or another algorithm's."""
     return name.partition(":")[0] in ALGORITHMS and ":" in name
 
 
 def find_agent(name: str) -> Agent:
-    """The agent of a policy's name, shipped (``ppo:NAME``) or from a file (``ppo:path/to/file.npz``).
+    """The agent of a policy's name, ``ppo:path/to/file.npz``.
 
     Raises:
-        UnknownNameError: No such agent comes with armtempo.
-        InputError: The file cannot be used, or another algorithm made it than the name says.
+        InputError: There is no such file, it cannot be used, or another algorithm made it than the name says.
     """
-    algorithm, _, which = name.partition(":")
-    if which.endswith(".npz"):
-        path = user_path(which)
-    else:
-        path = SHIPPED / f"{which}.npz"
-        if which not in {file.stem for file in SHIPPED.glob("*.npz")}:
-            raise UnknownNameError("agent", name, shipped_agents(), remedy=_where(name))
+    algorithm, _, file = name.partition(":")
+    if not file.endswith(".npz"):
+        raise InputError(
+            f"unknown agent {name!r}: agents are files that armtempo train writes",
+            remedy=f"give one, such as {algorithm}:results/train/lee1991-0/agent.npz",
+        )
+    path = user_path(file)
     agent = load_agent(path)
     if agent.header.algorithm != algorithm:
         raise InputError(
             f"{path}: made by {agent.header.algorithm}, not {algorithm}",
-            remedy=f"call it {agent.header.algorithm}:{which}",
+            remedy=f"call it {agent.header.algorithm}:{file}",
         )
     return agent
-
-
-def _where(name: str) -> str:
-    algorithm = name.partition(":")[0]
-    known = ", ".join(shipped_agents()) or "none"
-    return f"agents that come with armtempo: {known}; or give a file as {algorithm}:path/to/file.npz"

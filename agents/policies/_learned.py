@@ -69,7 +69,6 @@ def options_of_agent(name: str, options: OptionsT) -> OptionsT:
     """The options of a coordination cell's episodes with those of the agent: how it sees, asks and is served.
 
     Raises:
-        UnknownNameError: No such agent comes with armtempo.
         InputError: Its file cannot be used, or it needs a shield and there is none.
     """
     settings = find_agent(name).header.settings
@@ -80,7 +79,7 @@ def options_of_agent(name: str, options: OptionsT) -> OptionsT:
 
 
 def learned_policy(name: str, env: Any, environment: str = "coordination") -> LearnedPolicy:
-    """The policy of an agent's name (``ppo:...``) in an environment.
+    """The policy of an agent's name (``ppo:FILE.npz``) in an environment.
 
     Args:
         name: Of the agent.
@@ -88,7 +87,6 @@ def learned_policy(name: str, env: Any, environment: str = "coordination") -> Le
         environment: What agent files call it.
 
     Raises:
-        UnknownNameError: No such agent comes with armtempo.
         InputError: The file cannot be used, or the agent is for something else.
     """
     agent = find_agent(name)

@@ -7,6 +7,7 @@ from importlib import import_module
 from armtempo.errors import InputError
 
 TRAINING = {  # public names that need the extra, and the modules that bring them
+    "GraphNetwork": "armtempo.agents.training._graph_module",
     "ParallelVecEnv": "armtempo.agents.training.vec_envs._parallel",
     "VectorVecEnv": "armtempo.agents.training.vec_envs._vector",
     "Training": "armtempo.agents.training._train",

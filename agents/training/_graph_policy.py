@@ -1,4 +1,4 @@
-"""The network of ``agents.policies`` over arms and pairs as an actor and a critic of stable-baselines3."""
+"""The network over arms and pairs as an actor and a critic of stable-baselines3."""
 
 from __future__ import annotations
 
@@ -11,60 +11,11 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
-from armtempo.agents.policies import NODE_NUMBERS, graph_shapes
-from armtempo.envs import EDGE_ENTRIES, EDGE_PLACES, GRAPH_ARMS, NODE_ENTRIES, NODE_PLACES
+from armtempo.agents.policies import NODE_NUMBERS
+from armtempo.agents.training._graph_module import NODES, PRESENT, GraphNetwork, bias_of, to_graph, weight_of
+from armtempo.envs import GRAPH_ARMS, NODE_PLACES
 
-NODES, EDGES = len(NODE_ENTRIES), len(EDGE_ENTRIES)
-PRESENT, ARRIVED, AHEAD = NODE_PLACES["present"], NODE_PLACES["arrived"], EDGE_PLACES["ahead"]
-LEAST = -1e9  # less than any message
-
-
-def to_graph(rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Nodes (B, A, N) and edges (B, A, A, K) of rows (B, FLAT_SIZE); A as many as the row with the most arms has."""
-    nodes = rows[:, :NODE_NUMBERS].reshape(-1, GRAPH_ARMS, NODES)
-    edges = rows[:, NODE_NUMBERS:].reshape(-1, GRAPH_ARMS, GRAPH_ARMS, EDGES)
-    most = max(int(nodes[..., PRESENT].sum(dim=1).max()), 1)
-    return nodes[:, :most], edges[:, :most, :most]
-
-
-@final
-class GraphNetwork(nn.Module):
-    """See ``agents.policies._graph_network``; ``out`` numbers for each arm."""
-
-    def __init__(self, sizes: Sequence[int], out: int, activation: type[nn.Module]) -> None:
-        super().__init__()
-        self.layers = nn.ModuleList([nn.Linear(inputs, outputs) for outputs, inputs in graph_shapes(sizes, out)])
-        self.activation = activation()
-
-    def forward(self, nodes: Tensor, edges: Tensor) -> Tensor:
-        """(B, A, out) of nodes (B, A, N) and edges (B, A, A, K); what absent arms get means nothing."""
-        bend, layers = self.activation, list(self.layers)
-        present = nodes[..., PRESENT : PRESENT + 1]
-        ahead = edges[..., AHEAD : AHEAD + 1]
-        heard, arms = ahead.sum(dim=2).clamp(min=1.0), present.sum(dim=1, keepdim=True).clamp(min=1.0)
-        any_ahead = (ahead.sum(dim=2) > 0.0).to(nodes.dtype)
-        h = bend(layers[0](nodes)) * present
-        for to_message, to_update in zip(layers[1:-2:2], layers[2:-2:2], strict=True):
-            width = h.shape[-1]
-            own, other, pair = torch.split(_weight(to_message), [width, width, EDGES], dim=1)
-            told = edges @ pair.T + _bias(to_message)
-            message = bend((h @ own.T).unsqueeze(2) + (h @ other.T).unsqueeze(1) + told)
-            mean = (message * ahead).sum(dim=2) / heard
-            largest = torch.where(ahead > 0.0, message, LEAST).amax(dim=2) * any_ahead
-            everyone = (h.sum(dim=1, keepdim=True) / arms).expand_as(h)
-            h = bend(to_update(torch.cat([h, mean, largest, everyone], dim=2))) * present
-        result: Tensor = layers[-1](bend(layers[-2](h)))
-        return result
-
-
-def _weight(layer: Any) -> Tensor:
-    weight: Tensor = layer.weight
-    return weight
-
-
-def _bias(layer: Any) -> Tensor:
-    bias: Tensor = layer.bias
-    return bias
+ARRIVED = NODE_PLACES["arrived"]
 
 
 @final
@@ -112,9 +63,9 @@ class GraphPolicy(ActorCriticPolicy):
         self.log_std = nn.Parameter(torch.full((self._size,), float(self.log_std_init)))
         for network, gain in ((self.actor, 0.01), (self.critic, 1.0)):
             for layer in network.layers:
-                nn.init.orthogonal_(_weight(layer), gain=float(np.sqrt(2.0)))
-                nn.init.zeros_(_bias(layer))
-            nn.init.orthogonal_(_weight(network.layers[-1]), gain=gain)
+                nn.init.orthogonal_(weight_of(layer), gain=float(np.sqrt(2.0)))
+                nn.init.zeros_(bias_of(layer))
+            nn.init.orthogonal_(weight_of(network.layers[-1]), gain=gain)
         kind: Any = self.optimizer_class
         self.optimizer = kind(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 MOST_CELLS_LISTED = 40  # one by one; more are in JSON alone
 RECORD_FORMAT = 2  # of what is kept of a cell: raise it with ``CellComparison.record``
-DEFAULT_POLICIES = ("delay", "vci", "phase-plane", "search", "search+stop", "optimal", "ppo:generalist")
+DEFAULT_POLICIES = ("delay", "vci", "phase-plane", "search+stop", "search+hold", "optimal")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +86,7 @@ def bench_agents(
     Args:
         choice: Which cells.
         policies: delay, vci, phase-plane (full speed), search, search+stop, search+hold, longest-path, reorder and
-            rollout on line; optimal (the plan of the undisturbed cell, executed by precedence); agents as ppo:NAME or
-            ppo:FILE.npz.
+            rollout on line; optimal (the plan of the undisturbed cell, executed by precedence); agents as ppo:FILE.npz.
         disturbance: What happens to the first arm, or to all: it starts late, is slow, stops and goes.
         episodes: Per cell and policy; they differ if there is a disturbance.
         seed: Seed of the first episode; the next ones count on from it.

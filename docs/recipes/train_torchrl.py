@@ -2,6 +2,7 @@
 
     pip install "armtempo[torchrl]"    # 0.14 or newer; best in an environment of its own
     python docs/recipes/train_torchrl.py --iterations 100
+    python docs/recipes/train_torchrl.py --graph --cell planar-four    # any number of arms; a search decides the orders
 
 Arms end at different times. So the wrapper is told ``use_mask=True`` (who still moves) and ``done_on_any=False``:
 without that, TorchRL ends the episode when the first arm arrives. Losses count the arms that still move alone.
@@ -16,17 +17,20 @@ from typing import Any
 import torch
 from pettingzoo.utils import BaseParallelWrapper
 from tensordict import TensorDict
-from tensordict.nn import TensorDictModule
+from tensordict.nn import TensorDictModule, TensorDictSequential
 from tensordict.nn.distributions import NormalParamExtractor
 from torch import nn
 from torchrl.collectors import Collector
+from torchrl.data import Composite
 from torchrl.envs import PettingZooWrapper, RewardSum, TransformedEnv
 from torchrl.modules import MultiAgentMLP, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss, ValueEstimators
 
+from armtempo.agents import GraphNetwork
 from armtempo.envs import coordination_v0
 
 GROUP = "arms"
+GRAPH_OPTIONS = {"observation": "graph", "orders": "search+stop", "shield": True}
 
 
 class WithoutInfos(BaseParallelWrapper[str, Any, Any]):
@@ -43,35 +47,49 @@ class WithoutInfos(BaseParallelWrapper[str, Any, Any]):
         return *outcome, {agent: {} for agent in infos}
 
 
-def make_env(cell: str = "lee1991", *, physics: str = "ideal", seed: int = 0) -> TransformedEnv:
+def make_env(cell: str = "lee1991", *, graph: bool = False, physics: str = "ideal", seed: int = 0) -> TransformedEnv:
     """The parallel environment, its arms in one group, with the sums of rewards."""
-    arms = WithoutInfos(coordination_v0.parallel_env(cell, physics=physics))
+    options = GRAPH_OPTIONS if graph else {}
+    arms = WithoutInfos(coordination_v0.parallel_env(cell, physics=physics, **options))
     env = PettingZooWrapper(arms, group_map={GROUP: arms.possible_agents}, use_mask=True, done_on_any=False)
     env = TransformedEnv(env, RewardSum(in_keys=[(GROUP, "reward")], out_keys=[(GROUP, "episode_reward")]))
     env.set_seed(seed)
     return env
 
 
+class OwnRow(nn.Module):
+    """A network over all arms and pairs of arms, of which each arm takes the row that is its own."""
+
+    def __init__(self, out: int) -> None:
+        super().__init__()
+        self.network = GraphNetwork((48, 48), out)
+
+    def forward(self, nodes: torch.Tensor, edges: torch.Tensor, own: torch.Tensor) -> torch.Tensor:
+        """(..., A, out) of graphs (..., A, M, N), (..., A, M, M, K) and who sees them (..., A, M)."""
+        batch = own.shape[:-1]
+        rows = self.network(nodes.flatten(0, -3), edges.flatten(0, -4))
+        return (rows * own.flatten(0, -2).unsqueeze(-1)).sum(dim=1).unflatten(0, batch)
+
+
 class Mappo:
     """Actor, critic, loss and optimiser for an environment of ``make_env``."""
 
     def __init__(self, env: TransformedEnv, *, steps: int, learning_rate: float = 3e-4) -> None:
-        arms, entries = env.observation_spec[GROUP, "observation"].shape
-        shared: dict[str, Any] = {"n_agents": arms, "share_params": True, "depth": 2, "num_cells": 64}
-        actor = nn.Sequential(
-            MultiAgentMLP(entries, 2, centralised=False, activation_class=nn.Tanh, **shared), NormalParamExtractor()
-        )
+        seen, network, critic = _networks(env)
+        params, of_actions = [(GROUP, "params")], [(GROUP, "loc"), (GROUP, "scale")]
         self.policy = ProbabilisticActor(
-            TensorDictModule(actor, in_keys=[(GROUP, "observation")], out_keys=[(GROUP, "loc"), (GROUP, "scale")]),
+            TensorDictSequential(
+                TensorDictModule(network, in_keys=seen, out_keys=params),
+                TensorDictModule(NormalParamExtractor(), in_keys=params, out_keys=of_actions),
+            ),
             spec=env.full_action_spec,
-            in_keys=[(GROUP, "loc"), (GROUP, "scale")],
+            in_keys=of_actions,
             out_keys=[(GROUP, "action")],
             distribution_class=TanhNormal,
             distribution_kwargs={"low": -1.0, "high": 1.0},
             return_log_prob=True,
         )
-        critic = MultiAgentMLP(entries, 1, centralised=True, activation_class=nn.Tanh, **shared)
-        self.critic = TensorDictModule(critic, in_keys=[(GROUP, "observation")], out_keys=[(GROUP, "state_value")])
+        self.critic = TensorDictModule(critic, in_keys=seen, out_keys=[(GROUP, "state_value")])
         self.loss = ClipPPOLoss(
             self.policy, self.critic, clip_epsilon=0.2, entropy_coeff=0.0, normalize_advantage=False, reduction="none"
         )
@@ -124,10 +142,24 @@ class Mappo:
         self.optimizer.step()
 
 
+def _networks(env: TransformedEnv) -> tuple[list[Any], nn.Module, nn.Module]:
+    """The keys that actor and critic see, and both: over graphs, or over the arms' own observations."""
+    spec = env.observation_spec[GROUP, "observation"]
+    if isinstance(spec, Composite):  # a graph
+        return [(GROUP, "observation", name) for name in ("nodes", "edges", "own")], OwnRow(2), OwnRow(1)
+    arms, entries = spec.shape
+    shared: dict[str, Any] = {
+        "n_agents": arms, "share_params": True, "depth": 2, "num_cells": 64, "activation_class": nn.Tanh,
+    }  # fmt: skip
+    actor = MultiAgentMLP(entries, 2, centralised=False, **shared)
+    return [(GROUP, "observation")], actor, MultiAgentMLP(entries, 1, centralised=True, **shared)
+
+
 def main() -> None:
     """Read the command line and train."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cell", default="lee1991", help="bundled cell or cell file")
+    parser.add_argument("--graph", action="store_true", help="arms see all arms and pairs; a search decides the orders")
     parser.add_argument("--physics", default="ideal", choices=["ideal", "bullet"])
     parser.add_argument("--iterations", type=int, default=100)
     parser.add_argument("--steps", type=int, default=4096, help="environment steps per iteration")
@@ -136,7 +168,7 @@ def main() -> None:
     given = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(given.seed)
-    mappo = Mappo(make_env(given.cell, physics=given.physics, seed=given.seed), steps=given.steps)
+    mappo = Mappo(make_env(given.cell, graph=given.graph, physics=given.physics, seed=given.seed), steps=given.steps)
     for iteration in range(given.iterations):
         figures = mappo.iterate()
         print(iteration + 1, "  ".join(f"{name} {value:.4g}" for name, value in figures.items()), flush=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from armtempo.commands import main
+from tests.agents.trained import trained
 
 
 def test_record_films_an_episode(capfd: pytest.CaptureFixture[str]) -> None:
@@ -44,7 +45,7 @@ def test_an_interrupted_film_leaves_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("policy", ["constant", "limit-aware-smooth", "ppo:blend-tracking"])
+@pytest.mark.parametrize("policy", ["constant", "limit-aware-smooth", trained("blend-tracking")])
 def test_record_films_a_blend_cell(policy: str) -> None:
     assert main(["record", "lee2006", "--policy", policy, "--physics", "ideal", "--slow", "0.1", "--out", "film"]) == 0
     pictures = [imageio.imread(file) for file in sorted(Path("film").iterdir())]
@@ -52,7 +53,7 @@ def test_record_films_a_blend_cell(policy: str) -> None:
     assert (pictures[0] != pictures[-1]).any(), "the arm has moved"
 
 
-@pytest.mark.parametrize("policy", ["feedback-damped", "law", "ppo:feedback-ik"])
+@pytest.mark.parametrize("policy", ["feedback-damped", "law", trained("feedback-ik")])
 def test_record_films_an_ik_cell(policy: str, short_ik_cell: str) -> None:
     assert main(["record", short_ik_cell, "--policy", policy, "--physics", "ideal", "--out", "film"]) == 0
     pictures = [imageio.imread(file) for file in sorted(Path("film").iterdir())]
@@ -63,7 +64,7 @@ def test_record_films_an_ik_cell(policy: str, short_ik_cell: str) -> None:
 def test_record_names_the_film_of_an_agent_after_its_file(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    line = ["record", "lee1991", "--policy", "ppo:lee1991", "--physics", "ideal", "--slow", "0.5", "--shield"]
+    line = ["record", "lee1991", "--policy", trained("lee1991"), "--physics", "ideal", "--slow", "0.5", "--shield"]
     assert main([*line, "--disturbance", "late"]) == 0
     assert Path("results/lee1991/ppo-lee1991.mp4").stat().st_size > 500
     assert "0.5 times slower than reality" in " ".join(capsys.readouterr().out.split())

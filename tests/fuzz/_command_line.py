@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from armtempo.commands import main
+from tests.agents.trained import FILES
 from tests.fuzz._files import _coarse
 from tests.fuzz._mutations import NUMBERS, WORDS, Random, pick, times
 
@@ -34,7 +35,7 @@ LINES = (
     "plan short.yaml --methods law", "evaluate mine.yaml --policies delay --physics ideal --no-figures --seed 3",
     "evaluate lee2006 --policies line-speed --physics ideal --no-figures --family zigzag --episodes 2",
     "evaluate short.yaml --policies feedback --physics ideal --no-figures --json -",
-    "evaluate mine.yaml --policies ppo:lee1991 --physics ideal --no-figures --shield --start-phase 0 0.3",
+    "evaluate mine.yaml --policies ppo:agent.npz --physics ideal --no-figures --shield --start-phase 0 0.3",
     "evaluate mine.yaml --policies delay --physics ideal --no-figures --disturbance any --observation-noise 0.01",
     "plot mine.yaml --out there", "record mine.yaml --out there/a.gif --slow 0.1", "reproduce lee1991 --out there",
     "train t.yaml --steps 8 --output there/t --seed 1", "train t.yaml --resume --output there/u",
@@ -67,6 +68,7 @@ class CommandFuzzer:
         (folder / "mine.yaml").write_bytes(_coarse("lee1991").replace(b"0.0001", b"0.002"))
         (folder / "short.yaml").write_bytes(_coarse("chung"))
         (folder / "t.yaml").write_text(TRAINING, encoding="utf-8")
+        (folder / "agent.npz").write_bytes((FILES / "lee1991.npz").read_bytes())
         (folder / "mine.npz").write_bytes(b"PK")
         signal.signal(signal.SIGALRM, self._interrupt)
         for line in LINES[:13]:

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 
-from armtempo.agents.policies import find_agent, load_agent
+from armtempo.agents.policies import load_agent
 from armtempo.configs import data_path, load_cell_config, load_sweep_config, load_train_config
 from armtempo.files import write_sealed
 from armtempo.planners import JointPath, build_cell, load_cell, read_trajectory, write_trajectory
 from armtempo.planners.instances import label_cell, load_instance, save_instance
 from armtempo.robots import Arm
+from tests.agents.trained import FILES
 from tests.fuzz._finite import check_finite
 from tests.fuzz._mutations import (
     Damage,
@@ -257,8 +258,7 @@ def agent_files(folder: Path) -> FileFuzzer:
     def damage(random: Random, data: bytes) -> bytes:
         return sealed_again(random, folder, damaged_npz(random, data, ["header"]))
 
-    shipped = Path(find_agent.__code__.co_filename).parents[1] / "shipped"
-    seeds = [Seed("a.npz", (shipped / f"{name}.npz").read_bytes(), damage) for name in ("lee1991", "feedback-ik")]
+    seeds = [Seed("a.npz", (FILES / f"{name}.npz").read_bytes(), damage) for name in ("lee1991", "feedback-ik")]
 
     def read(file: Path) -> object:
         agent = load_agent(file)
@@ -291,7 +291,7 @@ def instance_files(folder: Path) -> FileFuzzer:
 
 def training_files(folder: Path) -> FileFuzzer:
     """Training files."""
-    names = ("lee1991", "generalist", "blend-tracking", "feedback-ik", "mixed-priority")
+    names = ("lee1991", "arms", "blend-tracking", "feedback-ik")
     data = [data_path(f"train/{name}.yaml").read_bytes() for name in names]
     sac = b"name: s\nalgorithm: sac\ncoordination: {cells: [lee1991]}\nsac: {learning_starts: 40, batch_size: 32}\n"
     seeds = [Seed("t.yaml", one, damaged_yaml) for one in (*data, sac)]

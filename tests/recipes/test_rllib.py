@@ -69,8 +69,9 @@ def test_over_for_all_when_one_arrives_as_time_runs_out(recipe: ModuleType) -> N
 
 
 @pytest.mark.usefixtures("local_ray")
-def test_two_workers_train_one_policy_and_go_on(recipe: ModuleType, tmp_path: Path) -> None:
-    algorithm = recipe.make_config(workers=2, steps=1024).build_algo()
+@pytest.mark.parametrize(("cell", "graph"), [("lee1991", False), ("planar-four", True)])
+def test_two_workers_train_one_policy_and_go_on(recipe: ModuleType, cell: str, graph: bool, tmp_path: Path) -> None:
+    algorithm = recipe.make_config(cell, graph=graph, workers=2, steps=1024).build_algo()
     module = algorithm.get_module(recipe.POLICY)
     before = [value.detach().clone() for value in module.parameters()]
     try:
@@ -83,7 +84,7 @@ def test_two_workers_train_one_policy_and_go_on(recipe: ModuleType, tmp_path: Pa
         algorithm.save_to_path(str(tmp_path / "state"))
     finally:
         algorithm.stop()
-    again = recipe.make_config(workers=0, steps=1024).build_algo()
+    again = recipe.make_config(cell, graph=graph, workers=0, steps=1024).build_algo()
     try:
         again.restore_from_path(str(tmp_path / "state"))
         kept = list(again.get_module(recipe.POLICY).parameters())

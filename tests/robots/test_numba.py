@@ -63,7 +63,7 @@ def test_kernels_that_count_no_references_leave_them_as_they_were() -> None:
 
 def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None:
     package = tmp_path / "armtempo"
-    ignored = shutil.ignore_patterns("__pycache__", "shipped", "benchmarks")
+    ignored = shutil.ignore_patterns("__pycache__", "benchmarks")
     shutil.copytree(Path(armtempo.__file__).parent, package, ignore=ignored)  # links are followed
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     environment["PYTHONPATH"] = str(tmp_path)
@@ -85,7 +85,7 @@ def test_an_edited_callee_is_seen_by_its_compiled_caller(tmp_path: Path) -> None
 
 def test_compiled_functions_of_types_that_have_moved_are_compiled_anew(tmp_path: Path) -> None:
     package = tmp_path / "armtempo"
-    ignored = shutil.ignore_patterns("__pycache__", "shipped", "benchmarks")
+    ignored = shutil.ignore_patterns("__pycache__", "benchmarks")
     shutil.copytree(Path(armtempo.__file__).parent, package, ignore=ignored)
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     environment["PYTHONPATH"] = str(tmp_path)

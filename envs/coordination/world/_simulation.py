@@ -24,6 +24,7 @@ from armtempo.envs.coordination.world._disturbance import (
     uncertain_arms,
 )
 from armtempo.envs.coordination.world._entries import OTHER, OTHERS, OWN, SIZE
+from armtempo.envs.coordination.world._ideal_torque import ideal_torque
 from armtempo.envs.coordination.world._keeping_up import first_rate, keeps_up
 from armtempo.envs.coordination.world._kernels import (
     move,
@@ -446,7 +447,9 @@ class CoordinationSimulation(Stateful):
         else:
             lam, mu = columns["lam"], columns["mu"]
             q = tuple(path.evaluate(lam[:, i])[0] for i, path in enumerate(self.cell.paths))
-            torque = demand = tuple(self._ideal_torque(i, lam[:, i], mu[:, i]) for i in range(self.arms))
+            torque = demand = tuple(
+                ideal_torque(one, lam[:, i], mu[:, i], self._tick) for i, one in enumerate(self.cell.dynamics)
+            )
         return CoordinationTrace(
             **columns,
             q=q,
@@ -456,16 +459,6 @@ class CoordinationSimulation(Stateful):
             violations=self._violations,
             torque_max=tuple(arm.torque_max for arm in arms),
         )
-
-    def _ideal_torque(self, i: int, lam: Floats, mu: Floats) -> Floats:
-        """Mean torque over each tick, from the dynamics in its middle."""
-        start = np.zeros((1, self.cell.arms[i].dof))
-        if len(lam) == 1:
-            return start
-        arrived = np.diff(lam) <= 0.0
-        mu_dot = np.where(arrived, 0.0, np.diff(mu) / self._tick)
-        torque = self.cell.dynamics[i].torque(0.5 * (lam[:-1] + lam[1:]), 0.5 * (mu[:-1] + mu[1:]), mu_dot)
-        return np.concatenate([start, torque])
 
     def close(self) -> None:
         """Leave PyBullet; may be called twice."""

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent, save_agent, shipped_agents
-from armtempo.agents.policies._agent_file import SHIPPED
+from armtempo.agents import Agent, AgentHeader, evaluate, find_agent, load_agent, save_agent
 from armtempo.agents.training._export import agent_of
+from armtempo.configs import load_train_config, parse_train_config
 from armtempo.envs import COORDINATION_ENTRIES
-from armtempo.errors import ArmtempoError, InputError, UnknownNameError
+from armtempo.errors import ArmtempoError, InputError
 from armtempo.planners import CoordinationCell
+from tests.agents.trained import FILES, NAMES, trained
 from tests.fuzz._mutations import damaged_copies
 
 SIZE = len(COORDINATION_ENTRIES)
@@ -185,9 +186,9 @@ def test_no_prefix_of_a_file_is_taken_for_an_agent(tmp_path: Path) -> None:
         load_agent(path)
 
 
-@pytest.mark.parametrize("name", shipped_agents())
+@pytest.mark.parametrize("name", NAMES)
 def test_no_damaged_agent_is_taken(name: str, tmp_path: Path) -> None:
-    whole, path = (SHIPPED / f"{name.partition(':')[2]}.npz").read_bytes(), tmp_path / "agent.npz"
+    whole, path = (FILES / f"{name}.npz").read_bytes(), tmp_path / "agent.npz"
     for damaged in damaged_copies(whole, np.random.default_rng(1), 80):
         path.write_bytes(damaged)
         with pytest.raises(InputError, match=r"agent\.npz: ") as caught:
@@ -218,10 +219,17 @@ def test_names(tmp_path: Path) -> None:
     assert find_agent(f"ppo:{tmp_path / 'mine.npz'}").actions == 1
     with pytest.raises(InputError, match="made by ppo, not sac"):
         find_agent(f"sac:{tmp_path / 'mine.npz'}")
-    with pytest.raises(UnknownNameError, match="nobody"):
+    with pytest.raises(InputError, match=r"unknown agent 'ppo:nobody'.*files that armtempo train writes"):
         find_agent("ppo:nobody")
-    for name in shipped_agents():
-        assert find_agent(name).header.curve
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_agents_of_an_earlier_version_say_where_they_come_from(name: str) -> None:
+    header = find_agent(trained(name)).header
+    assert header.command.startswith(f"armtempo train {header.name}")
+    bundled = load_train_config(header.name)  # is the one that made it
+    assert parse_train_config(header.config, bundled.source).model_dump() == bundled.model_dump()
+    assert header.curve[-1]["steps"] == header.steps
 
 
 def test_an_agent_at_full_speed_is_the_minimum_time_policy(lee1991: CoordinationCell, tmp_path: Path) -> None:

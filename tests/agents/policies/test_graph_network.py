@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armtempo.agents.policies import GRAPH_NAMES, Agent, AgentHeader, flat_rows, graph_shapes, load_agent, save_agent
-from armtempo.agents.training._graph_policy import GraphNetwork, to_graph
+from armtempo.agents.training._graph_module import GraphNetwork, to_graph
 from armtempo.arrays import Floats32
 from armtempo.envs import EDGE_ENTRIES, GRAPH_ARMS, NODE_ENTRIES
 from armtempo.errors import InputError

@@ -16,6 +16,7 @@ import pytest
 
 from armtempo.commands import main
 from armtempo.configs import bundled_cells, data_path
+from tests.agents.trained import trained
 
 POLICY_KEYS = {
     "plan_makespan_s",
@@ -255,8 +256,8 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["record", "chung", "--policy", "vci"], ["unknown policy 'vci'", "feedback-damped"]),
         (["record", "lee2006", "--shield"], ["unknown option of armtempo record in blend cells '--shield'"]),
         (["record", "chung", "--master-late", "1"], ["in ik cells '--master-late'"]),
-        (["record", "lee2006", "--policy", "ppo:lee1991"], ["an agent of coordination, not of blend-tracking"]),
-        (["record", "lee1991", "--policy", "ppo:feedback-ik"], ["an agent of feedback-ik, not of coordination"]),
+        (["record", "lee2006", "--policy", trained("lee1991")], ["an agent of coordination, not of blend-tracking"]),
+        (["record", "lee1991", "--policy", trained("feedback-ik")], ["an agent of feedback-ik, not of coordination"]),
         (["record", "chung", "--policy", "ppo:nobody"], ["unknown agent 'ppo:nobody'"]),
     ],
 )

@@ -16,8 +16,19 @@ from armtempo.agents.evaluation import Runner
 from armtempo.commands import main
 from armtempo.commands.console import Kept
 from armtempo.planners import benchmark_instances
+from tests.agents.trained import trained
 
-EVALUATE = ["evaluate", "lee1991", "--physics", "ideal", "--policies", "phase-plane", "random", "ppo:lee1991", "delay"]
+EVALUATE = [
+    "evaluate",
+    "lee1991",
+    "--physics",
+    "ideal",
+    "--policies",
+    "phase-plane",
+    "random",
+    trained("lee1991"),
+    "delay",
+]
 DISTURBED = [*EVALUATE, "--episodes", "3", "--disturbance", "late", "--shield", "--json", "e.json"]
 KILLED = """
 import os, signal, sys
@@ -135,7 +146,7 @@ def test_other_arguments_or_another_cell_take_nothing_over(
 
 
 BENCHES = {
-    "agents": (["bench", "agents", "--policies", "phase-plane", "ppo:generalist", "--episodes", "2"], "cells"),
+    "agents": (["bench", "agents", "--policies", "phase-plane", "vci", "--episodes", "2"], "cells"),
     "coordination": (["bench", "coordination", "--methods", "sequential", "delay", "--audit", "none"], "results"),
     "arms": (["bench", "arms", "--arms", "2", "--count", "2", "--methods", "delay", "--out", "arms.png"], "cells"),
 }

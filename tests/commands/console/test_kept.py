@@ -127,7 +127,7 @@ def test_agent_files_count_by_what_is_in_them(tmp_path: Path) -> None:
     file = tmp_path / "mine.npz"
     file.write_bytes(b"1")
     name = f"ppo:{file}"
-    before = file_digests(["vci", "ppo:generalist", name, "ppo:missing.npz"])
+    before = file_digests(["vci", "ppo:nobody", name, "ppo:missing.npz"])
     assert list(before) == [name]
     file.write_bytes(b"2")
     assert file_digests([name]) != before
