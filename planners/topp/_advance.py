@@ -215,6 +215,12 @@ def _whole_interval(
     return float(low if command == 0.0 else min(max(goal_share * edge, low), high))
 
 
+@inlined
+def _stays_at_start(steps: Floats, lam: float, mu: float, command: float) -> bool:
+    """Whether an arm has not begun and is not told to: brakes hold it, also where torques do not suffice."""
+    return lam <= steps[0, STATION] and mu <= 0.0 and command <= 0.0
+
+
 @uncounted
 def advance(
     steps: Floats,
@@ -238,6 +244,8 @@ def advance(
 
     ``share``: what a slow arm takes for the largest speed, of ``mu*``; commands and ``u_high`` head for no more.
 
+    An arm that has not begun stays where it is under command 0.
+
     ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
     asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
     """
@@ -245,6 +253,9 @@ def advance(
     end = steps[last, STATION]
     lines = STEP_HEADER_COLUMNS + 2 * WHOLE_COLUMNS * ((steps.shape[1] - STEP_HEADER_COLUMNS) // COLUMNS_PER_ROW)
     x, used, k = mu * mu, 0.0, 0
+    if _stays_at_start(steps, lam, mu, command):
+        places[:], speeds[:] = lam, 0.0
+        return lam, 0.0, dt
     goal_share = _goal_share(command, by_speed, share)
     due = tick if wanted else np.inf  # when place and speed are asked for next
     i = interval_at(steps, lam)
@@ -308,6 +319,8 @@ def record_pieces(
     ``record`` (K, 3) receives (time, lam, mu) after every piece; a full one ends the motion. Returns lam, mu, the time
     used (less than ``dt`` only on arrival) and the number of rows.
     """
+    if _stays_at_start(steps, lam, mu, command):
+        return lam, 0.0, dt, 0
     last, x, used, count = steps.shape[0] - 1, mu * mu, 0.0, 0
     end, goal_share = steps[last, STATION], _goal_share(command, by_speed, share)
     i = interval_at(steps, lam)

@@ -369,6 +369,16 @@ def test_a_path_on_which_the_arm_cannot_hold_still_everywhere(spline_dynamics: S
     assert found >= 3
 
 
+@pytest.mark.parametrize("mode", MODES)
+def test_an_arm_that_has_not_begun_waits_also_where_its_torques_do_not_hold_it(
+    spline_dynamics: SplineDynamics, mode: Mode
+) -> None:
+    """Brakes do; told to go, it goes, at least as fast as it has to."""
+    plane = next(one for one in swinging(spline_dynamics) if not one.holdable[0])
+    assert run(plane, 0.0, 0.0, 0.0, 0.02, mode, 4)[:3] == (0.0, 0.0, 0.02)
+    assert run(plane, 0.0, 0.0, 1e-6, 0.02, mode)[1] > 0.0
+
+
 def goes_on(plane: PhasePlane, lam: float, mu: float, command: float, period: float, mode: Mode, share: float) -> float:
     """Where one period leads to: it is used up or ends the path, and who moves or is told to move does."""
     there, speed, used, *_ = run(plane, lam, mu, command, period, mode, 4, share)

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from armtempo.agents import make_policy, run_episode
 from armtempo.arrays import Floats
 from armtempo.envs import (
     CHANNELS,
@@ -23,7 +24,7 @@ from armtempo.envs.coordination.shield._admission import COMMAND_STEPS
 from armtempo.envs.coordination.shield._kernels import PARTS_PER_TICK, WAITING_ARM, fits
 from armtempo.envs.coordination.shield._turning import begin
 from armtempo.errors import InfeasibleError, InputError
-from armtempo.planners import CoordinationCell, load_cell, schedule
+from armtempo.planners import CoordinationCell, benchmark_instances, load_cell, schedule
 from armtempo.planners.topp import Mode
 
 FULL = np.ones(1, dtype=np.float32)
@@ -42,6 +43,19 @@ def test_trials_neither_violate_nor_stick(mixed: CoordinationCell, requests: str
     assert trial.violations == 0
     assert trial.stuck == 0
     assert trial.clearance > mixed.d_min
+
+
+def test_an_arm_that_cannot_hold_still_where_it_starts_waits_there_for_whoever_is_late() -> None:
+    """It slid from its start, under command 0, into the region of an arm that had not gone yet."""
+    (cell,) = [one.build() for one in benchmark_instances("validation") if one.name == "fixture3-1991-0002"]
+    assert not cell.planes[2].holdable[0]
+    env = CoordinationEnv(cell, physics="ideal", shield=True, disturbance="all-any", record=True)
+    full = make_policy("phase-plane", cell)
+    for seed in range(70_000, 70_008):
+        trace, _ = run_episode(env, full, seed)
+        assert trace.violations == 0
+        assert np.isfinite(trace.makespan)
+    env.close()
 
 
 @pytest.mark.parametrize("channel", CHANNELS[1:])
