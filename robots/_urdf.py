@@ -163,13 +163,13 @@ class UrdfReader:
         limit = joint.find("limit")
         if limit is None:
             return
-        given = {name: numbers_of(limit.get(name, ""))[0] for name in LIMITS_OF_URDF_1_2 if name in limit.attrib}
-        for name, value in given.items():
+        given = {kind: numbers_of(limit.get(kind, ""))[0] for kind in LIMITS_OF_URDF_1_2 if kind in limit.attrib}
+        for kind, value in given.items():
             if not value > 0.0:
-                self.fail(element, f"has {name}={value:g}", "give a limit > 0, or leave it out")
+                self.fail(element, f"has {kind}={value:g}", "give a limit > 0, or leave it out")
         name = joint.get("name", "")
         if "acceleration" in given or "deceleration" in given:  # one limit for both directions: the safe one
-            self.accelerations[name] = min(given.get(kind, math.inf) for kind in ("acceleration", "deceleration"))
+            self.accelerations[name] = min(given.get("acceleration", math.inf), given.get("deceleration", math.inf))
         if "jerk" in given:
             self.jerks[name] = given["jerk"]
 

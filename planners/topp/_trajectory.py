@@ -26,6 +26,7 @@ class MotionCertificate:
         torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
         speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
         acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
+        jerk_ratio_max: Largest joint jerk / limit; 0 where none was asked for.
         worst_station: Where the torque ratio is largest [lambda].
         worst_joint: Whose it is.
         end_error: Distance of the last row from the end of the path [lambda].
@@ -39,11 +40,12 @@ class MotionCertificate:
     worst_joint: int
     end_error: float
     end_speed_error: float
+    jerk_ratio_max: float = 0.0
 
     @property
     def excess(self) -> float:
-        """How far the worst of torque, speed and acceleration is above its limit, as a share of it; 0 if none is."""
-        ratios = (self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0)
+        """How far the worst of torque, speed, acceleration, jerk is above its limit, as a share of it; 0 if none is."""
+        ratios = (self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, 1.0)
         return float(np.max(ratios)) - 1.0  # NaN stays NaN
 
 
@@ -205,6 +207,9 @@ class PhaseTrajectory:
     @cached_property
     def certificate(self) -> MotionCertificate:
         """Worst ratios by dense sampling inside every interval, and the errors at the end."""
+        return self._certified()
+
+    def _certified(self) -> MotionCertificate:
         torque, speed, acceleration = self._ratios
         worst = np.unravel_index(int(torque.argmax()), torque.shape)
         return MotionCertificate(

@@ -340,4 +340,4 @@ def test_jerk_limits_of_a_cell_reach_the_arm(write_cell: Cells) -> None:
     assert [one.jerk_max.tolist() for one in made.arms] == [[500.0, np.inf], [np.inf, np.inf]]
     for jerk, words in (([500, 0], r"jerk_rad_s3\[1\]"), ([500], "2, one per joint")):
         with pytest.raises(ArmtempoError, match=words):
-            load_cell(write_cell(lambda data, jerk=jerk: limit(data, jerk)))  # type: ignore[misc]
+            load_cell(write_cell(lambda data, jerk=jerk: limit(data, jerk)))
