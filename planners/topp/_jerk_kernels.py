@@ -14,8 +14,8 @@ so that every limit touches three neighbours and the normal matrix has five diag
 where p scales rows to about one (``|L| sqrt(x) <= p`` is the limit),
 
 each with a slack s and a multiplier l, ``s l -> 0``. Rows are renewed at every step: where g is convex (jerk; friction
-on one side) its tangent lies inside. First and last coefficient fold away their neighbours: beyond the inner stations
-x ~ distance^(4/3).
+on one side) its tangent lies inside, and its curvature is left out, so that the matrix stays positive definite. First
+and last coefficient fold away their neighbours: beyond the inner stations x ~ distance^(4/3).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BOUNDARY_SHARE = 0.99  # of the way to the boundary that a step takes
 LOSS_MAX = 0.5  # of x in one step: x near an end would collapse, and regrow three times a step at most
 CENTERING_LEAST = 1e-4
 CENTERING_POWER = 3
-GAP_SHARE = 1e-4  # of the time: so far it may be from the least one of the discretised problem, at most
+GAP_SHARE = 3e-4  # of the time: so far it may be from the least one of the discretised problem, at most
 INFEASIBILITY_MAX = 1e-6  # of a limit
 STEPS_MAX = 100
 
@@ -67,6 +67,7 @@ class Slacks(NamedTuple):
     """Of all rows in one order: caps, point rows (upper, lower), jerk rows (upper, lower)."""
 
     s: Floats
+    inverse: Floats
     l: Floats  # noqa: E741 - the letter of multipliers
     g: Floats
     ds: Floats
@@ -82,18 +83,17 @@ class Point(NamedTuple):
 
 
 class Normal(NamedTuple):
-    """The normal equations in x, u, z: second derivatives, and right sides for the predictor, centring, correction."""
+    """The normal equations in x, u, z: second derivatives and right side."""
 
     xx: Floats  # (K+1,), as xu and uu
     xu: Floats
     uu: Floats
-    hollow: Floats  # (K+1,) curvature of rows whose tangents lie inside: what may be taken off xx
     xz: Floats  # (K, 2), as uz: at both ends of an interval
     uz: Floats
     zz: Floats  # (K,)
-    px: Floats  # (3, K+1), as pu
+    px: Floats  # (K+1,), as pu
     pu: Floats
-    pz: Floats  # (3, K)
+    pz: Floats  # (K,)
 
 
 @njit
@@ -120,26 +120,12 @@ def spline(problem: ThirdOrder, c: Floats, point: Point) -> None:
 
 
 @njit
-def _clear(normal: Normal) -> None:
-    for array in (normal.xx, normal.xu, normal.uu, normal.hollow, normal.zz):
-        array[:] = 0.0
-    for array in (normal.xz, normal.uz, normal.px, normal.pu, normal.pz):
-        array[:] = 0.0
-
-
-@njit
-def assemble(problem: ThirdOrder, point: Point, slacks: Slacks, primal: float, dual: float, normal: Normal) -> Floats:
-    """Move slacks and multipliers by their steps, and build the normal equations there.
-
-    Returns the gap (sum of s l), the worst s - g, the row that has it, the time.
-    """
-    s, l, g, ds, dl = slacks.s, slacks.l, slacks.g, slacks.ds, slacks.dl  # noqa: E741
-    _clear(normal)
-    stations, m, n = point.x.shape[0], problem.a.shape[1], problem.d1.shape[2]
-    total = np.zeros(4)
-    for k in range(stations):
+def values(problem: ThirdOrder, point: Point, g: Floats) -> None:
+    """All g."""
+    m, n = problem.a.shape[1], problem.d1.shape[2]
+    i = point.x.shape[0]
+    for k in range(i):
         g[k] = 1.0 - point.x[k] / problem.cap[k]
-    i = stations
     for row in range(problem.at.shape[0]):
         k = problem.at[row]
         x, u = point.x[k], point.u[k]
@@ -148,7 +134,7 @@ def assemble(problem: ThirdOrder, point: Point, slacks: Slacks, primal: float, d
             value = problem.a[row, j] * u + problem.b[row, j] * x + problem.r[row, j] * mu
             g[i], g[i + 1] = problem.high[row, j] - value, value - problem.low[row, j]
             i += 2
-    for k in range(stations - 1):
+    for k in range(problem.step.shape[0]):
         for e in range(2):
             x, u, z = point.x[k + e], point.u[k + e], point.z[k]
             most = problem.scale[k + e] / np.sqrt(x)
@@ -156,193 +142,215 @@ def assemble(problem: ThirdOrder, point: Point, slacks: Slacks, primal: float, d
                 value = problem.d1[k, e, j] * z + problem.d2[k, e, j] * u + problem.d3[k, e, j] * x
                 g[i], g[i + 1] = most - value, most + value
                 i += 2
-    for i in range(s.shape[0]):
-        s[i], l[i] = max(s[i] + primal * ds[i], g[i]), l[i] + dual * dl[i]
-        total[0] += s[i] * l[i]
-        if s[i] - g[i] > total[1]:
-            total[1], total[2] = s[i] - g[i], i
-    for k in range(stations):
-        x, slope = point.x[k], -1.0 / problem.cap[k]
-        bend = problem.weight[k] / (x * np.sqrt(x))
-        total[3] += problem.weight[k] / np.sqrt(x)
-        w = l[k] / s[k]
-        normal.xx[k] = 0.75 * bend / x + w * slope * slope
-        normal.px[0, k] = 0.5 * bend + slope * (l[k] - w * g[k])
-        normal.px[1, k] = slope / s[k]
-    return total
 
 
 @njit
-def add_point_rows(problem: ThirdOrder, point: Point, slacks: Slacks, normal: Normal) -> None:
-    """What torques and accelerations add to the normal equations."""
-    s, l, g = slacks.s, slacks.l, slacks.g  # noqa: E741
+def rises(problem: ThirdOrder, point: Point, change: Point, rise: Floats) -> None:
+    """By how much all g change, to first order, with a change of x, u, z."""
+    m, n = problem.a.shape[1], problem.d1.shape[2]
+    i = point.x.shape[0]
+    for k in range(i):
+        rise[k] = -change.x[k] / problem.cap[k]
+    for row in range(problem.at.shape[0]):
+        k = problem.at[row]
+        dx, du = change.x[k], change.u[k]
+        dmu = 0.5 * dx / np.sqrt(point.x[k])
+        for j in range(m):
+            way = problem.a[row, j] * du + problem.b[row, j] * dx + problem.r[row, j] * dmu
+            rise[i], rise[i + 1] = -way, way
+            i += 2
+    for k in range(problem.step.shape[0]):
+        for e in range(2):
+            dx, du, dz = change.x[k + e], change.u[k + e], change.z[k]
+            most = -0.5 * problem.scale[k + e] / (point.x[k + e] * np.sqrt(point.x[k + e])) * dx
+            for j in range(n):
+                way = problem.d1[k, e, j] * dz + problem.d2[k, e, j] * du + problem.d3[k, e, j] * dx
+                rise[i], rise[i + 1] = most - way, most + way
+                i += 2
+
+
+@njit
+def add_slopes(problem: ThirdOrder, point: Point, push: Floats, normal: Normal) -> None:
+    """Add the slopes of all g, each times its ``push``, to the right side."""
+    m, n = problem.a.shape[1], problem.d1.shape[2]
+    i = point.x.shape[0]
+    for k in range(i):
+        normal.px[k] -= push[k] / problem.cap[k]
+    for row in range(problem.at.shape[0]):
+        k = problem.at[row]
+        px, pu, pmu = 0.0, 0.0, 0.0
+        for j in range(m):
+            both = push[i + 1] - push[i]
+            pu += both * problem.a[row, j]
+            px += both * problem.b[row, j]
+            pmu += both * problem.r[row, j]
+            i += 2
+        normal.px[k] += px + 0.5 * pmu / np.sqrt(point.x[k])
+        normal.pu[k] += pu
+    for k in range(problem.step.shape[0]):
+        for e in range(2):
+            px, pu, pz, most = 0.0, 0.0, 0.0, 0.0
+            for j in range(n):
+                both = push[i + 1] - push[i]
+                pz += both * problem.d1[k, e, j]
+                pu += both * problem.d2[k, e, j]
+                px += both * problem.d3[k, e, j]
+                most += push[i] + push[i + 1]
+                i += 2
+            slope = 0.5 * problem.scale[k + e] / (point.x[k + e] * np.sqrt(point.x[k + e]))
+            normal.px[k + e] += px - most * slope
+            normal.pu[k + e] += pu
+            normal.pz[k] += pz
+
+
+@njit
+def bend_time_and_caps(problem: ThirdOrder, point: Point, slacks: Slacks, normal: Normal) -> None:
+    """The second derivatives of the time, and what caps add to them; all else is cleared."""
+    for array in (normal.xu, normal.uu, normal.zz):
+        array[:] = 0.0
+    for k in range(point.x.shape[0]):
+        x = point.x[k]
+        normal.xx[k] = 0.75 * problem.weight[k] / (x * x * np.sqrt(x))
+        normal.xx[k] += slacks.l[k] * slacks.inverse[k] / (problem.cap[k] * problem.cap[k])
+
+
+@njit
+def bend_point_rows(problem: ThirdOrder, point: Point, slacks: Slacks, normal: Normal) -> None:
+    """What torques and accelerations add to the second derivatives."""
+    inverse, l = slacks.inverse, slacks.l  # noqa: E741
     i = point.x.shape[0]
     for row in range(problem.at.shape[0]):
         k = problem.at[row]
         half = 0.5 / np.sqrt(point.x[k])
-        xx, xu, uu, bend, px, pu, cx, cu = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        xx, xu, uu, bend = 0.0, 0.0, 0.0, 0.0
         for j in range(problem.a.shape[1]):
             a, r = problem.a[row, j], problem.r[row, j]
             b = problem.b[row, j] + r * half
-            above, below = 1.0 / s[i], 1.0 / s[i + 1]
-            w_above, w_below = l[i] * above, l[i + 1] * below
-            w = w_above + w_below
-            xx, xu, uu = xx + w * b * b, xu + w * a * b, uu + w * a * a
-            push = (l[i + 1] - w_below * g[i + 1]) - (l[i] - w_above * g[i])
-            px, pu = px + push * b, pu + push * a
-            centre = below - above
-            cx, cu = cx + centre * b, cu + centre * a
-            bend += r * (l[i] - l[i + 1])  # of the two sides one is hollow
+            w = l[i] * inverse[i] + l[i + 1] * inverse[i + 1]
+            xx += w * b * b
+            xu += w * a * b
+            uu += w * a * a
+            bend += r * (l[i + 1] - l[i])
             i += 2
         bend *= 0.5 * half / point.x[k]
-        normal.xx[k] += xx + max(-bend, 0.0)
-        normal.hollow[k] += max(bend, 0.0)
+        normal.xx[k] += xx + max(bend, 0.0)  # without what bends the whole downwards
         normal.xu[k] += xu
         normal.uu[k] += uu
-        normal.px[0, k] += px
-        normal.pu[0, k] += pu
-        normal.px[1, k] += cx
-        normal.pu[1, k] += cu
 
 
 @njit
-def add_jerk_rows(problem: ThirdOrder, point: Point, slacks: Slacks, normal: Normal) -> None:
-    """What jerk adds to the normal equations."""
-    s, l, g = slacks.s, slacks.l, slacks.g  # noqa: E741
+def bend_jerk_rows(problem: ThirdOrder, point: Point, slacks: Slacks, normal: Normal) -> None:
+    """What jerk adds to the second derivatives."""
+    inverse, l = slacks.inverse, slacks.l  # noqa: E741
     n = problem.d1.shape[2]
-    i = s.shape[0] - 4 * n * (point.x.shape[0] - 1)
-    for k in range(point.x.shape[0] - 1):
+    i = l.shape[0] - 4 * n * problem.step.shape[0]
+    for k in range(problem.step.shape[0]):
         for e in range(2):
             x = point.x[k + e]
             slope = 0.5 * problem.scale[k + e] / (x * np.sqrt(x))
-            xx, xu, uu, xz, uz, zz, held = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            px, pu, pz, cx, cu, cz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            xx, xu, uu, xz, uz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(n):
                 z1, u1, x1 = problem.d1[k, e, j], problem.d2[k, e, j], problem.d3[k, e, j]
-                above, below = 1.0 / s[i], 1.0 / s[i + 1]
-                w_above, w_below = l[i] * above, l[i + 1] * below
+                above, below = l[i] * inverse[i], l[i + 1] * inverse[i + 1]
                 up, down = x1 + slope, x1 - slope
-                w, wx = w_above + w_below, w_above * up + w_below * down
-                xx += w_above * up * up + w_below * down * down
-                xu, xz = xu + wx * u1, xz + wx * z1
-                uu, uz, zz = uu + w * u1 * u1, uz + w * u1 * z1, zz + w * z1 * z1
-                held += l[i] + l[i + 1]
-                p_above, p_below = l[i] - w_above * g[i], l[i + 1] - w_below * g[i + 1]
-                push, centre = p_below - p_above, below - above
-                px, cx = px + p_below * down - p_above * up, cx + below * down - above * up
-                pu, pz = pu + push * u1, pz + push * z1
-                cu, cz = cu + centre * u1, cz + centre * z1
+                w, wx = above + below, above * up + below * down
+                xx += above * up * up + below * down * down
+                xu += wx * u1
+                xz += wx * z1
+                uu += w * u1 * u1
+                uz += w * u1 * z1
+                zz += w * z1 * z1
                 i += 2
             normal.xx[k + e] += xx
             normal.xu[k + e] += xu
             normal.uu[k + e] += uu
-            normal.hollow[k + e] += 1.5 * held * slope / x
             normal.xz[k, e] = xz
             normal.uz[k, e] = uz
             normal.zz[k] += zz
-            normal.px[0, k + e] += px
-            normal.pu[0, k + e] += pu
-            normal.pz[0, k] += pz
-            normal.px[1, k + e] += cx
-            normal.pu[1, k + e] += cu
-            normal.pz[1, k] += cz
 
 
 @njit
-def move_rows(
-    problem: ThirdOrder, point: Point, change: Point, slacks: Slacks, tau: float, correct: bool, normal: Normal
-) -> Floats:
-    """Directions of slacks and multipliers for a change of x, u, z; the predictor also notes what it neglects.
+def advance_rows(slacks: Slacks, primal: float, dual: float) -> tuple[float, float, int]:
+    """Move slacks and multipliers by shares of their directions.
 
-    Returns the largest shares of both directions that keep them positive (2), and of the gap: its value, its change
-    with the primal share, with the dual share, with their product.
+    Returns the gap, the largest s - g and the row that has it.
     """
-    x = point.x
-    stations, m, n = x.shape[0], problem.a.shape[1], problem.d1.shape[2]
-    ds, dl, s = slacks.ds, slacks.dl, slacks.s
-    fate = np.zeros(6)
-    fate[:2] = 1e30
-    for k in range(stations):
-        _move(slacks, k, -change.x[k] / problem.cap[k], tau, correct, fate)
-        if not correct:
-            normal.px[2, k] -= ds[k] * dl[k] / (s[k] * problem.cap[k])
-    i = stations
-    for row in range(problem.at.shape[0]):
-        k = problem.at[row]
-        half = 0.5 / np.sqrt(x[k])
-        for j in range(m):
-            a, b = problem.a[row, j], problem.b[row, j] + problem.r[row, j] * half
-            way = a * change.u[k] + b * change.x[k]
-            _move(slacks, i, -way, tau, correct, fate)
-            _move(slacks, i + 1, way, tau, correct, fate)
-            if not correct:
-                push = ds[i + 1] * dl[i + 1] / s[i + 1] - ds[i] * dl[i] / s[i]
-                normal.px[2, k] += push * b
-                normal.pu[2, k] += push * a
-            i += 2
-    for k in range(stations - 1):
-        for e in range(2):
-            slope = 0.5 * problem.scale[k + e] / (x[k + e] * np.sqrt(x[k + e]))
-            dx, du, dz = change.x[k + e], change.u[k + e], change.z[k]
-            for j in range(n):
-                z1, u1, x1 = problem.d1[k, e, j], problem.d2[k, e, j], problem.d3[k, e, j]
-                way = z1 * dz + u1 * du + x1 * dx
-                _move(slacks, i, -way - slope * dx, tau, correct, fate)
-                _move(slacks, i + 1, way - slope * dx, tau, correct, fate)
-                if not correct:
-                    above, below = ds[i] * dl[i] / s[i], ds[i + 1] * dl[i + 1] / s[i + 1]
-                    normal.px[2, k + e] += (below - above) * x1 - (above + below) * slope
-                    normal.pu[2, k + e] += (below - above) * u1
-                    normal.pz[2, k] += (below - above) * z1
-                i += 2
-    return fate
+    s, inverse, l, g, ds, dl = slacks  # noqa: E741
+    gap, worst, row = 0.0, 0.0, 0
+    for i in range(s.shape[0]):
+        s[i] = max(s[i] + primal * ds[i], g[i])  # where g is convex, its tangent lies below
+        l[i] += dual * dl[i]
+        inverse[i] = 1.0 / s[i]
+        gap += s[i] * l[i]
+        if s[i] - g[i] > worst:
+            worst, row = s[i] - g[i], i
+    return gap, worst, row
 
 
 @njit
-def _move(slacks: Slacks, i: int, rise: float, tau: float, correct: bool, fate: Floats) -> None:
-    """One row: its directions, if g changes by ``rise``."""
-    s, l = slacks.s[i], slacks.l[i]  # noqa: E741
-    neglected = slacks.ds[i] * slacks.dl[i] if correct else 0.0
-    ds = rise + slacks.g[i] - s
-    dl = (tau - neglected - l * ds) / s - l
-    slacks.ds[i], slacks.dl[i] = ds, dl
-    if ds < 0.0:
-        fate[0] = min(fate[0], -s / ds)
-    if dl < 0.0:
-        fate[1] = min(fate[1], -l / dl)
-    fate[2] += s * l
-    fate[3] += l * ds
-    fate[4] += s * dl
-    fate[5] += ds * dl
+def predict_rows(slacks: Slacks, rise: Floats) -> tuple[float, float, float]:
+    """Directions towards s l = 0 if all g change by ``rise``.
+
+    Returns the largest shares of both that keep s and l positive, at most 1, and what is left of the gap after them.
+    """
+    s, inverse, l, g, ds, dl = slacks  # noqa: E741
+    fall_s, fall_l, gap, by_s, by_l, by_both = 1.0, 1.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(s.shape[0]):
+        change = rise[i] + g[i] - s[i]
+        ratio = change * inverse[i]
+        ds[i], dl[i] = change, -l[i] * (1.0 + ratio)
+        fall_s, fall_l = max(fall_s, -ratio), max(fall_l, 1.0 + ratio)
+        gap += s[i] * l[i]
+        by_s += l[i] * change
+        by_l += s[i] * dl[i]
+        by_both += change * dl[i]
+    primal, dual = 1.0 / fall_s, 1.0 / fall_l
+    return primal, dual, (gap + primal * by_s + dual * by_l + primal * dual * by_both) / gap
 
 
 @njit
-def to_coefficients(problem: ThirdOrder, normal: Normal, right: int, gradient: Floats) -> None:
-    """A right side in x, u, z as one of the coefficients (K+2,)."""
+def correct_rows(slacks: Slacks, rise: Floats, tau: float) -> tuple[float, float]:
+    """Directions towards ``s l = tau``, with the products that the prediction left out; the same shares, unbounded."""
+    s, inverse, l, g, ds, dl = slacks  # noqa: E741
+    fall_s, fall_l = 1e-30, 1e-30
+    for i in range(s.shape[0]):
+        change = rise[i] + g[i] - s[i]
+        ratio = change * inverse[i]
+        turn = (tau - ds[i] * dl[i]) * inverse[i] - l[i] * (1.0 + ratio)
+        ds[i], dl[i] = change, turn
+        fall_s = max(fall_s, -ratio)
+        if -turn > fall_l * l[i]:
+            fall_l = -turn / l[i]
+    return 1.0 / fall_s, 1.0 / fall_l
+
+
+@njit
+def to_coefficients(problem: ThirdOrder, normal: Normal, gradient: Floats) -> None:
+    """The right side in x, u, z as one of the coefficients (K+2,)."""
     h, last = problem.step, problem.step.shape[0]
     gradient[:] = 0.0
     for k in range(last + 1):
         before, after = h[k - 1] if k > 0 else 0.0, h[k] if k < last else 0.0
         share = 1.0 / (before + after)
-        px, pu = normal.px[right, k], normal.pu[right, k]
+        px, pu = normal.px[k], normal.pu[k]
         if k > 0:
-            pu += normal.pz[right, k - 1] / h[k - 1]
+            pu += normal.pz[k - 1] / h[k - 1]
         if k < last:
-            pu -= normal.pz[right, k] / h[k]
+            pu -= normal.pz[k] / h[k]
         gradient[k] += share * (after * px - pu)
         gradient[k + 1] += share * (before * px + pu)
 
 
 @njit
-def bands(problem: ThirdOrder, normal: Normal, hollow: float, band: Floats) -> None:
-    """The second derivatives as diagonals (K+2, 3) of the coefficients; ``hollow``: 1 with hollow rows' own, or 0."""
+def bands(problem: ThirdOrder, normal: Normal, band: Floats) -> None:
+    """The second derivatives as diagonals (K+2, 3) of the coefficients."""
     h, last = problem.step, problem.step.shape[0]
     band[:] = 0.0
     for k in range(last + 1):
         before, after = h[k - 1] if k > 0 else 0.0, h[k] if k < last else 0.0
         share = 1.0 / (before + after)
         p, q = share * after, share * before
-        xx, xu, uu = normal.xx[k] - hollow * normal.hollow[k], normal.xu[k], normal.uu[k]
+        xx, xu, uu = normal.xx[k], normal.xu[k], normal.uu[k]
         band[k, 0] += p * p * xx - 2.0 * p * share * xu + share * share * uu
         band[k, 1] += p * q * xx + (p - q) * share * xu - share * share * uu
         band[k + 1, 0] += q * q * xx + 2.0 * q * share * xu + share * share * uu
@@ -427,71 +435,100 @@ def solve(band: Floats, right: Floats) -> None:
 
 
 @njit
-def _directed(problem: ThirdOrder, right: Floats, factors: Floats, free: Floats, change: Floats, moved: Point) -> None:
-    """The change of the free coefficients (K,) and of x, u, z that a right side (K+2,) asks for."""
-    fold_right(problem, right, free)
+def _directed(problem: ThirdOrder, normal: Normal, factors: Floats, change: Floats, free: Floats) -> None:
+    """The change of the free coefficients (K,), and of all (K+2,), that the right side asks for."""
+    to_coefficients(problem, normal, change)
+    fold_right(problem, change, free)
     solve(factors, free)
     unfold(problem, free, change)
-    spline(problem, change, moved)
 
 
 @njit
-def descend(problem: ThirdOrder, y: Floats, floor: float, centering: float, bold: bool) -> Floats:
+def _largest_share(point: Point, moved: Point, c: Floats, change: Floats) -> float:
+    """The largest share of a change in which x loses no more than half anywhere, at stations and between them."""
+    share, last = 1.0, point.x.shape[0] - 1
+    for k in range(last + 1):
+        share = min(share, LOSS_MAX * point.x[k] / max(-moved.x[k], 1e-300))
+        if k < last:  # a parabola between positive ends may dip below 0
+            middle, rise = point.x[k] + point.x[k + 1], moved.x[k] + moved.x[k + 1]
+            middle, rise = middle + 2.0 * c[k + 1], rise + 2.0 * change[k + 1]
+            share = min(share, LOSS_MAX * middle / max(-rise, 1e-300))
+    return share
+
+
+@njit
+def _right_side(problem: ThirdOrder, point: Point, push: Floats, normal: Normal, time: bool) -> float:
+    """Fill the right side with slopes of all rows, and of the time; returns that."""
+    normal.px[:], normal.pu[:], normal.pz[:] = 0.0, 0.0, 0.0
+    add_slopes(problem, point, push, normal)
+    total = 0.0
+    for k in range(point.x.shape[0]):
+        share = problem.weight[k] / np.sqrt(point.x[k])
+        total += share
+        if time:
+            normal.px[k] += 0.5 * share / point.x[k]
+    return total
+
+
+@njit
+def descend(problem: ThirdOrder, y: Floats, floor: float, centering: float) -> Floats:
     """Minimise the time from coefficients y (K,), in place.
 
-    Slacks begin at ``floor`` or more, the gap at that share of the time. ``bold``: with the curvature of hollow rows,
-    which saves steps, and now and then leads nowhere.
+    Slacks begin at ``floor`` or more, the gap at that share of the time.
 
     Returns the steps, the gap, the worst excess of a row and which row it is, the time. Failed: the gap or the excess
     is too large.
     """
     K, rows = problem.step.shape[0], problem.cap.shape[0] + 2 * problem.a.size + 2 * problem.d1.size
-    slacks = Slacks(np.full(rows, floor), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows))
-    point = Point(np.zeros(K + 1), np.zeros(K + 1), np.zeros(K))
+    slacks = Slacks(
+        np.full(rows, floor), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
+    )
+    _, inverse, l, g, ds, dl = slacks  # noqa: E741
+    rise, point = np.zeros(rows), Point(np.zeros(K + 1), np.zeros(K + 1), np.zeros(K))
     moved = Point(np.zeros(K + 1), np.zeros(K + 1), np.zeros(K))
-    at, between, ends = np.zeros((4, K + 1)), np.zeros(K), np.zeros((2, K, 2))
-    right_at, right_between = np.zeros((2, 3, K + 1)), np.zeros((3, K))
-    normal = Normal(
-        at[0], at[1], at[2], at[3], ends[0], ends[1], between, right_at[0], right_at[1], right_between
-    )  # fmt: skip
+    at, ends, between = np.zeros((5, K + 1)), np.zeros((2, K, 2)), np.zeros((2, K))
+    normal = Normal(at[0], at[1], at[2], ends[0], ends[1], between[0], at[3], at[4], between[1])
     c, change, free = np.zeros(K + 2), np.zeros(K + 2), np.zeros(K)
-    right, part, band, factors = np.zeros(K + 2), np.zeros(K + 2), np.zeros((K + 2, 3)), np.zeros((K, 3))
+    band, factors = np.zeros((K + 2, 3)), np.zeros((K, 3))
     unfold(problem, y, c)
     spline(problem, c, point)
-    tau = centering / rows * assemble(problem, point, slacks, 0.0, 0.0, normal)[3]
-    slacks.l[:] = tau / slacks.s
-    primal, dual, steps = 0.0, 0.0, 0
-    total = assemble(problem, point, slacks, primal, dual, normal)
-    while (total[0] > GAP_SHARE * total[3] or total[1] > INFEASIBILITY_MAX) and steps < STEPS_MAX:
-        add_point_rows(problem, point, slacks, normal)
-        add_jerk_rows(problem, point, slacks, normal)
-        for hollow in (1.0 if bold else 0.0, 0.0):  # hollow rows may bend the whole downwards: then without them
-            bands(problem, normal, hollow, band)
-            fold(problem, band, factors)
-            if factor(factors):
-                break
-        to_coefficients(problem, normal, 0, right)
-        _directed(problem, right, factors, free, change, moved)
-        fate = move_rows(problem, point, moved, slacks, 0.0, False, normal)
-        primal, dual = min(1.0, fate[0]), min(1.0, fate[1])
-        left = (fate[2] + primal * fate[3] + dual * fate[4] + primal * dual * fate[5]) / fate[2]
-        tau = min(max(left**CENTERING_POWER, CENTERING_LEAST), 1.0) * fate[2] / rows
-        to_coefficients(problem, normal, 1, part)
-        right += tau * part
-        to_coefficients(problem, normal, 2, part)
-        right -= part
-        _directed(problem, right, factors, free, change, moved)
-        fate = move_rows(problem, point, moved, slacks, tau, True, normal)
-        primal, dual = min(1.0, BOUNDARY_SHARE * fate[0]), min(1.0, BOUNDARY_SHARE * fate[1])
-        for k in range(K + 1):
-            primal = min(primal, LOSS_MAX * point.x[k] / max(-moved.x[k], 1e-300))
-            if k < K:  # in the middle, too: a parabola between positive ends may dip below 0
-                middle, rise = point.x[k] + point.x[k + 1], moved.x[k] + moved.x[k + 1]
-                middle, rise = middle + 2.0 * c[k + 1], rise + 2.0 * change[k + 1]
-                primal = min(primal, LOSS_MAX * middle / max(-rise, 1e-300))
+    values(problem, point, g)
+    advance_rows(slacks, 0.0, 0.0)
+    time = _right_side(problem, point, rise, normal, True)
+    l[:] = centering * time / rows * inverse
+    gap, worst, row = advance_rows(slacks, 0.0, 0.0)
+    steps = 0
+    while (gap > GAP_SHARE * time or worst > INFEASIBILITY_MAX) and steps < STEPS_MAX:
+        bend_time_and_caps(problem, point, slacks, normal)
+        bend_point_rows(problem, point, slacks, normal)
+        bend_jerk_rows(problem, point, slacks, normal)
+        bands(problem, normal, band)
+        fold(problem, band, factors)
+        if not factor(factors):
+            break
+        rise[:] = l - l * inverse * g
+        _right_side(problem, point, rise, normal, True)
+        _directed(problem, normal, factors, change, free)
+        y_ahead = free.copy()
+        spline(problem, change, moved)
+        rises(problem, point, moved, rise)
+        _, _, left = predict_rows(slacks, rise)
+        tau = min(max(left**CENTERING_POWER, CENTERING_LEAST), 1.0) * gap / rows
+        rise[:] = (tau - ds * dl) * inverse
+        _right_side(problem, point, rise, normal, False)
+        _directed(problem, normal, factors, change, free)
+        free += y_ahead
+        unfold(problem, free, change)
+        spline(problem, change, moved)
+        rises(problem, point, moved, rise)
+        primal, dual = correct_rows(slacks, rise, tau)
+        primal, dual = min(1.0, BOUNDARY_SHARE * primal), min(1.0, BOUNDARY_SHARE * dual)
+        primal = min(primal, _largest_share(point, moved, c, change))
         y += primal * free
         unfold(problem, y, c)
         spline(problem, c, point)
-        total = assemble(problem, point, slacks, primal, dual, normal)
+        values(problem, point, g)
+        gap, worst, row = advance_rows(slacks, primal, dual)
+        time = (problem.weight / np.sqrt(point.x)).sum()
         steps += 1
-    return np.array([float(steps), total[0], total[1], total[2], total[3]])
+    return np.array([float(steps), gap, worst, float(row), time])

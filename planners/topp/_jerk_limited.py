@@ -112,10 +112,7 @@ def _coefficients(piece: Piece) -> Floats:
     floor, centering = SLACK_FLOOR, 1.0
     checks = _Middles.of(piece)
     for repair in range(REPAIRS_MAX + 1):
-        _, gap, excess, row, time = descend(problem, y, floor, centering, True)
-        if not (excess <= INFEASIBILITY_MAX and gap <= GAP_SHARE * time):
-            y = piece.guess.copy()
-            _, gap, excess, row, time = descend(problem, y, SLACK_FLOOR, 1.0, False)
+        _, gap, excess, row, time = descend(problem, y, floor, centering)
         if not (excess <= INFEASIBILITY_MAX and gap <= GAP_SHARE * time):
             raise _refusal(piece, int(row))
         above = checks.excesses(problem, y)

@@ -23,7 +23,13 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InputError
 from armtempo.planners.geometry import floats
-from armtempo.planners.topp._trajectory import CERTIFY_SAMPLES, INSIDE_SHARE, MotionCertificate, PhaseTrajectory
+from armtempo.planners.topp._trajectory import (
+    CERTIFY_SAMPLES,
+    INSIDE_SHARE,
+    MotionCertificate,
+    PhaseTrajectory,
+    worst_share,
+)
 
 SERIES_BELOW = 1e-3  # of the square of an angle: there a series of three terms has all digits
 
@@ -153,20 +159,16 @@ class SmoothTrajectory(PhaseTrajectory):
         every = np.broadcast_to(np.arange(len(self.lam) - 1)[:, None], way.shape)
         return self.lam[:-1, None] + way, np.sqrt(self._squared(every, way)), self._accelerations(way)
 
-    def jerk_ratios(self, shares: ArrayLike) -> Floats:
-        """Joint jerk / limit (N, K, n) at ``shares`` (K,) of every interval."""
+    @cached_property
+    def _jerk_ratio(self) -> Floats:
+        """The largest joint jerk / limit at the samples (N, CERTIFY_SAMPLES)."""
         path = self.dynamics.path
         assert path is not None
-        lam, mu, mu_dot = (value[..., None] for value in self.inside(shares))
+        lam, mu, mu_dot = (value[..., None] for value in self._samples())
         _, dq, ddq = path.evaluate(lam[..., 0])
         path_jerk = self.growth[:, None, None] * mu + self.path_jerk[:, None, None]
         jerk = path.third(lam[..., 0]) * mu**3 + 3.0 * ddq * mu * mu_dot + dq * path_jerk
-        return np.asarray(np.abs(jerk) / self.jerk_max)
-
-    @cached_property
-    def _jerk_ratio(self) -> Floats:
-        """The largest of the joints at the samples (N, CERTIFY_SAMPLES)."""
-        return np.asarray(self.jerk_ratios(np.linspace(0.0, 1.0, CERTIFY_SAMPLES)).max(axis=-1))
+        return worst_share(jerk, self.jerk_max)
 
     @cached_property
     def certificate(self) -> MotionCertificate:
