@@ -76,6 +76,7 @@ class JointKeywords(TypedDict, total=False):
     speed_max: Sequence[float | None] | Floats | None
     position_limits: Sequence[Sequence[float] | None] | Floats | None
     acceleration_max: Sequence[float | None] | Floats | None
+    jerk_max: Sequence[float | None] | Floats | None
     damping: Sequence[float | None] | Floats | None
     coulomb: Sequence[float | None] | Floats | None
 
@@ -108,6 +109,8 @@ class Arm:
     """(n,) [N m or N], for both signs."""
     acceleration_max: Floats
     """(n,) [rad/s^2 or m/s^2], for both signs; inf: no limit. Only URDF 1.2 has some."""
+    jerk_max: Floats
+    """(n,) [rad/s^3 or m/s^3], likewise; kept by motions that are asked to (``minimum_time(..., jerk=True)``)."""
     damping: Floats
     """(n,) viscous friction [N m s/rad or N s/m]."""
     coulomb: Floats
@@ -150,7 +153,9 @@ class Arm:
                 ``torque_max`` (n,) in place of its effort limits [N m or N];
                 ``speed_max`` (n,) of its velocity limits [rad/s or m/s];
                 ``position_limits`` (n, 2) of its lower and upper ones [rad or m];
-                ``acceleration_max`` (n,) of its acceleration limits, which only URDF 1.2 has [rad/s^2 or m/s^2];
+                ``acceleration_max`` (n,) of its acceleration limits, which only URDF 1.2 has [rad/s^2 or m/s^2]: the
+                smaller of ``acceleration`` and ``deceleration``, for there is one limit for both directions;
+                ``jerk_max`` (n,) of its jerk limits, likewise [rad/s^3 or m/s^3];
                 ``damping`` (n,) viscous friction, of its <dynamics damping> [N m s/rad or N s/m];
                 ``coulomb`` (n,) Coulomb friction, of its <dynamics friction> [N m or N].
 
@@ -170,6 +175,8 @@ class Arm:
         position = _position_limits(file, joints, given.get("position_limits"))
         own = [math.inf if joint.acceleration is None else joint.acceleration for joint in joints]
         acceleration = _filled(own, joints, "acceleration_max", given.get("acceleration_max"), zero=False)
+        own = [math.inf if joint.jerk is None else joint.jerk for joint in joints]
+        jerk = _filled(own, joints, "jerk_max", given.get("jerk_max"), zero=False)
         viscous = _filled([joint.damping for joint in joints], joints, "damping", given.get("damping"))
         dry = _filled([joint.coulomb for joint in joints], joints, "coulomb", given.get("coulomb"))
 
@@ -191,6 +198,7 @@ class Arm:
             speed_max=speed,
             torque_max=torque,
             acceleration_max=acceleration,
+            jerk_max=jerk,
             damping=viscous,
             coulomb=dry,
             shapes=chain.shapes,

@@ -51,6 +51,7 @@ class ChainJoint:
     effort: float | None
     velocity: float | None
     acceleration: float | None
+    jerk: float | None
     damping: float
     coulomb: float
     body: Body
@@ -103,9 +104,9 @@ class UrdfReader:
         self.visible: set[str] = set()
         """Links that have geometry."""
         self.accelerations: dict[str, float] = {}
-        """Limits of joints (URDF 1.2)."""
-        self.unkept: dict[str, list[str]] = {}
-        """Joints that have limits of a kind that is not kept."""
+        """Limits of joints, the smaller of acceleration and deceleration (URDF 1.2)."""
+        self.jerks: dict[str, float] = {}
+        """Likewise."""
         self.hints: list[str] = []
         """What is left out, or looks odd."""
         self.huge_meshes: list[str] = []
@@ -145,8 +146,6 @@ class UrdfReader:
         check_numbers(root, self.fail)
         for joint in root.findall("joint"):
             self._look_at_joint(joint)
-        for name, joints in sorted(self.unkept.items()):
-            self.hints.append(f"{name} limits are not kept; those of {', '.join(joints)} are left out")
         for link in root.findall("link"):
             self._look_at_link(link)
         try:
@@ -164,16 +163,15 @@ class UrdfReader:
         limit = joint.find("limit")
         if limit is None:
             return
-        given = {name: numbers_of(limit.get(name, ""))[0] for name in LIMITS_OF_URDF_1_2 if name in limit.attrib}
-        for name, value in given.items():
+        given = {kind: numbers_of(limit.get(kind, ""))[0] for kind in LIMITS_OF_URDF_1_2 if kind in limit.attrib}
+        for kind, value in given.items():
             if not value > 0.0:
-                self.fail(element, f"has {name}={value:g}", "give a limit > 0, or leave it out")
-        if "acceleration" in given:
-            self.accelerations[joint.get("name", "")] = given["acceleration"]
-        if given.get("deceleration", math.inf) >= given.get("acceleration", math.inf):
-            given.pop("deceleration", None)  # acceleration limits are kept in both directions
-        for name in given.keys() - {"acceleration"}:
-            self.unkept.setdefault(name, []).append(joint.get("name", ""))
+                self.fail(element, f"has {kind}={value:g}", "give a limit > 0, or leave it out")
+        name = joint.get("name", "")
+        if "acceleration" in given or "deceleration" in given:  # one limit for both directions: the safe one
+            self.accelerations[name] = min(given.get("acceleration", math.inf), given.get("deceleration", math.inf))
+        if "jerk" in given:
+            self.jerks[name] = given["jerk"]
 
     def _look_at_link(self, link: ET.Element) -> None:
         name = link.get("name", "")
@@ -361,6 +359,7 @@ class UrdfReader:
             effort=limit and limit.effort,
             velocity=limit and limit.velocity,
             acceleration=self.accelerations.get(joint.name),
+            jerk=self.jerks.get(joint.name),
             damping=damping,
             coulomb=coulomb,
             body=body,

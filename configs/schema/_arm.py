@@ -60,7 +60,9 @@ class LimitsConfig(FileModel):
     speed_rad_s: tuple[Positive | None, ...] | None = None
     """Largest speed, either way [rad/s] (prismatic joints: [m/s])."""
     acceleration_rad_s2: tuple[Positive | None, ...] | None = None
-    """Largest acceleration, either way [rad/s^2] (prismatic joints: [m/s^2]); null: no limit, a URDF has none."""
+    """Largest acceleration, either way [rad/s^2] (prismatic joints: [m/s^2]); only URDF 1.2 has such limits."""
+    jerk_rad_s3: tuple[Positive | None, ...] | None = None
+    """Largest jerk, either way [rad/s^3] (prismatic joints: [m/s^3]); likewise. Kept by jerk-limited motions alone."""
     position_rad: tuple[tuple[Real, Real] | None, ...] | None = None
     """Lowest and highest position [rad] (prismatic joints: [m])."""
 

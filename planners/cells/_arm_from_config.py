@@ -66,6 +66,7 @@ def arm_from(config: CellFileConfig, arm: MountedArmConfig) -> Arm:
         speed_max=arm.limits.speed_rad_s,
         position_limits=arm.limits.position_rad,
         acceleration_max=arm.limits.acceleration_rad_s2,
+        jerk_max=arm.limits.jerk_rad_s3,
         damping=arm.friction.viscous_nm_s_rad,
         coulomb=arm.friction.coulomb_nm,
         unphysical_inertia="refuse" if sheet is None else sheet.unphysical_inertia,

@@ -19,6 +19,8 @@ from armtempo.arrays import Floats, all_finite
 from armtempo.errors import PathError
 from armtempo.robots import njit
 
+THIRD_STEP_SHARE = 1e-4  # of a piece: steps of the differences that stand for f'''
+
 
 class PathTable(NamedTuple):
     """A joint path sampled for inner loops: quintic Hermite pieces through exact values and derivatives.
@@ -56,6 +58,22 @@ class AbstractJointPath(ABC):
     @abstractmethod
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Floats:
         """Upper bounds of ``|f'|`` over intervals [low, high], (..., n), not from samples: charts certify with them."""
+
+    def third(self, lam: ArrayLike, *, before: bool = False) -> Floats:
+        """``f'''`` at ``lam``, (..., n): what jerk needs.
+
+        Differences of ``f''`` inside the piece; a path that knows better says so.
+        """
+        stations = np.asarray(lam, dtype=np.float64)
+        piece = np.searchsorted(self.breakpoints, stations, side="left" if before else "right") - 1
+        piece = np.clip(piece, 0, len(self.breakpoints) - 2)
+        low, high = self.breakpoints[piece], self.breakpoints[piece + 1]
+        step = THIRD_STEP_SHARE * (high - low)
+        middle = np.clip(stations, low + 2.0 * step, high - 2.0 * step)
+        ahead, behind = middle + step, middle - step
+        rise = self.evaluate(ahead)[2] - self.evaluate(behind)[2]
+        third: Floats = rise / (ahead - behind)[..., None]
+        return third
 
     def sampled(self, lam: Floats, dof: int, *, before: bool = False) -> tuple[Floats, Floats, Floats]:
         """``evaluate`` for an arm with ``dof`` joints, looked through: paths may be anybody's.

@@ -108,6 +108,12 @@ class WaypointPath(AbstractJointPath):
         shape = (*stations.shape, self.dof)
         return q.reshape(shape), dq.reshape(shape), ddq.reshape(shape)
 
+    def third(self, lam: ArrayLike, *, before: bool = False) -> Floats:
+        """``f'''`` (..., n), constant on each piece."""
+        piece = np.searchsorted(self.breakpoints, np.asarray(lam), side="left" if before else "right") - 1
+        third: Floats = 6.0 * self._position.c[0][np.clip(piece, 0, len(self.breakpoints) - 2)]
+        return third
+
     def speed_bound(self, low: ArrayLike, high: ArrayLike) -> Floats:
         """The largest ``|f'|`` over [low, high], (..., n): at an end, at a knot, or where ``f''`` vanishes."""
         low, high = np.broadcast_arrays(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))

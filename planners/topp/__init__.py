@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
+from armtempo.planners.topp._minimum_time import minimum_time
 from armtempo.planners.topp._path_dynamics import PathDynamics
-from armtempo.planners.topp._phase_plane import LIMIT_EXCESS_MAX, Mode, PhasePlane, minimum_time, refined_plane
+from armtempo.planners.topp._phase_plane import LIMIT_EXCESS_MAX, Mode, PhasePlane, refined_plane
+from armtempo.planners.topp._smooth_trajectory import SmoothTrajectory
 from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
 from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajectory, write_trajectory
 
@@ -18,6 +20,7 @@ __all__ = [
     "PhaseDiagnostics",
     "PhasePlane",
     "PhaseTrajectory",
+    "SmoothTrajectory",
     "diagnose",
     "minimum_time",
     "read_trajectory",

@@ -307,7 +307,12 @@ class PathDynamics:
         cut = np.unique(np.clip(np.searchsorted(self.grid, stations, side="right") - 1, 0, len(self.grid) - 2))
         cut = cut[self.grid[cut + 1] > self.grid[cut]]
         new = (self.grid[cut, None] + np.diff(self.grid)[cut, None] * np.array([0.25, 0.5, 0.75])).ravel()
-        grid = np.sort(np.concatenate([self.grid, new]))
+        return self.on_stations(np.sort(np.concatenate([self.grid, new])))
+
+    def on_stations(self, grid: Floats) -> PathDynamics:
+        """The same limits at other stations, those twice at which coefficients jump; needs an arm and a path."""
+        if self._origin is None:
+            raise InputError("bare arrays cannot be sampled anew", remedy="build them with PathDynamics.from_path")
         arm, path, torque_reserve, speed_cap = self._origin
         return self._sampled(arm, path, grid, torque_reserve, speed_cap)
 

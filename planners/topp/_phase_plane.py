@@ -439,20 +439,3 @@ def refined_plane(
         station=float(stations[0]),
         joint=worst.worst_joint,
     )
-
-
-def minimum_time(dynamics: PathDynamics, mu_start: float = 0.0, mu_end: float = 0.0) -> PhaseTrajectory:
-    """The fastest motion along a path inside its torque, speed and acceleration limits (Lee1991 eqs. 14-16).
-
-    Where dense sampling finds a limit exceeded by more than 0.1 % between stations, the grid is refined there: the
-    motion's own ``dynamics`` has the grid in the end. ``PhasePlane(dynamics).fastest()`` is the bare solve.
-
-    Args:
-        dynamics: Limits along the path.
-        mu_start: Path speed at the start.
-        mu_end: Path speed at the end.
-
-    Raises:
-        InfeasibleError: No motion keeps the limits; the message names the station, the joint and the reason.
-    """
-    return refined_plane(dynamics, mu_end, mu_start=mu_start).fastest(mu_start)

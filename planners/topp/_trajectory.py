@@ -8,14 +8,53 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats, all_finite
+from armtempo.arrays import Floats, Ints, all_finite
 from armtempo.errors import InfeasibleError, InputError, PathError
 from armtempo.planners.geometry import floats
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
+from armtempo.robots import njit
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
 INSTANT_SHARE = 1e-12  # of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
 INSIDE_SHARE = 1e-9  # of an interval: each end belongs to its own interval, coefficients may jump at a station
+
+
+@njit
+def _worst_shares(value: Floats, limit: Floats, worst: Floats) -> None:
+    """The largest |value| / limit of (M, n) into (M,); NaN stays NaN."""
+    for k in range(value.shape[0]):
+        largest = 0.0
+        for j in range(value.shape[1]):
+            share = abs(value[k, j]) / limit[j]
+            if not share <= largest:
+                largest = share
+            if share != share:
+                break
+        worst[k] = largest
+
+
+def worst_share(value: Floats, limit: Floats) -> Floats:
+    """The largest |value| / limit of (..., n), limits (n,)."""
+    worst = np.empty(value.shape[:-1])
+    _worst_shares(value.reshape(-1, value.shape[-1]), limit, worst.reshape(-1))
+    return worst
+
+
+@njit
+def _limit_shares(torque: Floats, low: Floats, high: Floats, row: Ints, share: Floats, ratio: Floats) -> None:
+    """|torque| / limit of (M, n), limits between rows ``row`` and the next.
+
+    Limits that differ in sign count from their middle; a missing one is none.
+    """
+    for i in range(torque.shape[0]):
+        k, after = row[i], share[i]
+        for j in range(torque.shape[1]):
+            least = (1.0 - after) * low[k, j] + after * low[k + 1, j]
+            most = (1.0 - after) * high[k, j] + after * high[k + 1, j]
+            middle = 0.5 * (least + most) if np.isfinite(least) and np.isfinite(most) else 0.0
+            above = (torque[i, j] - middle) / max(most - middle, 1e-300) if np.isfinite(most) else 0.0
+            below = (middle - torque[i, j]) / max(middle - least, 1e-300) if np.isfinite(least) else 0.0
+            ratio[i, j] = above if not above <= below else below
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,6 +65,7 @@ class MotionCertificate:
         torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
         speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
         acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
+        jerk_ratio_max: Largest joint jerk / limit; 0 where none was asked for.
         worst_station: Where the torque ratio is largest [lambda].
         worst_joint: Whose it is.
         end_error: Distance of the last row from the end of the path [lambda].
@@ -39,11 +79,12 @@ class MotionCertificate:
     worst_joint: int
     end_error: float
     end_speed_error: float
+    jerk_ratio_max: float = 0.0
 
     @property
     def excess(self) -> float:
-        """How far the worst of torque, speed and acceleration is above its limit, as a share of it; 0 if none is."""
-        ratios = (self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, 1.0)
+        """How far the worst of torque, speed, acceleration, jerk is above its limit, as a share of it; 0 if none is."""
+        ratios = (self.torque_ratio_max, self.speed_ratio_max, self.acceleration_ratio_max, self.jerk_ratio_max, 1.0)
         return float(np.max(ratios)) - 1.0  # NaN stays NaN
 
 
@@ -169,14 +210,6 @@ class PhaseTrajectory:
         share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)
         cap2 = np.minimum(dynamics.speed_max, 1e9) ** 2
         speed = mu / np.sqrt(np.maximum((1.0 - share) * cap2[row] + share * cap2[row + 1], 1e-300))
-        low, high = (
-            (1.0 - share[..., None]) * rows[row, :joints] + share[..., None] * rows[row + 1, :joints]
-            for rows in (dynamics.torque_min, dynamics.torque_max)
-        )
-        both = np.isfinite(low) & np.isfinite(high)
-        middle = 0.5 * np.add(low, high, out=np.zeros_like(low), where=both)  # a missing limit is no limit
-        half = np.subtract(high, middle, out=np.full_like(low, np.inf), where=np.isfinite(high))
-        below = np.subtract(middle, low, out=np.full_like(low, np.inf), where=np.isfinite(low))
         arm, path = dynamics.arm, dynamics.path
         acceleration = np.zeros_like(lam)
         if arm is None or path is None:
@@ -189,9 +222,13 @@ class PhaseTrajectory:
             # a joint may turn back at either end of an interval, where rounding would choose its sign
             sign[:, 0] = sign[:, -1] = sign[:, CERTIFY_SAMPLES // 2]
             torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, sign, 0.0)
-            speed = np.maximum(speed, (np.abs(qd) / arm.speed_max).max(axis=-1))
-            acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
-        ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
+            speed = np.maximum(speed, worst_share(qd, arm.speed_max))
+            acceleration = worst_share(qdd, arm.acceleration_max)
+        ratio = np.empty((*lam.shape, joints))
+        _limit_shares(
+            np.ascontiguousarray(torque[..., :joints]).reshape(-1, joints), dynamics.torque_min, dynamics.torque_max,
+            row.reshape(-1), share.reshape(-1), ratio.reshape(-1, joints),
+        )  # fmt: skip
         ratio[np.diff(self.time) <= 0.0] = 0.0  # two rows of one instant, where coefficients jump: neighbours tell
         if np.isnan(ratio.sum() + speed.sum() + acceleration.sum()):
             at = np.isnan(ratio.sum(axis=-1) + speed + acceleration)
@@ -205,6 +242,9 @@ class PhaseTrajectory:
     @cached_property
     def certificate(self) -> MotionCertificate:
         """Worst ratios by dense sampling inside every interval, and the errors at the end."""
+        return self._certified()
+
+    def _certified(self) -> MotionCertificate:
         torque, speed, acceleration = self._ratios
         worst = np.unravel_index(int(torque.argmax()), torque.shape)
         return MotionCertificate(

@@ -131,7 +131,8 @@ arms:
       frame: {position_m: [0.05, 0, 0], rpy_rad: [0, 0, 0]}
       hull_m: [[0, 0, 0], [0.05, 0, 0], [0, 0.01, 0], [0, 0, 0.01]]
     limits:
-      {torque_nm: [25, null], speed_rad_s: [10, 10], acceleration_rad_s2: [100, null], position_rad: [[-3, 3], null]}
+      {torque_nm: [25, null], speed_rad_s: [10, 10], acceleration_rad_s2: [100, null], jerk_rad_s3: [null, 9000],
+       position_rad: [[-3, 3], null]}
     friction: {viscous_nm_s_rad: [0.1, 0.1], coulomb_nm: [0.01, null]}
     path:
       waypoints_rad: [[0.1, 0.2], [0.5, -0.3], [0.9, 0.4]]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-UNLIMITED = {"position_min", "position_max", "acceleration_max", "speed_max", "lower_bound", "bound"}
+UNLIMITED = {"position_min", "position_max", "acceleration_max", "jerk_max", "speed_max", "lower_bound", "bound"}
 """Names under which infinity says that there is no limit. NaN says nothing anywhere."""
 
 

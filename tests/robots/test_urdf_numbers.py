@@ -248,11 +248,28 @@ def test_acceleration_limits_of_urdf_1_2_are_kept(tmp_path: Path, caplog: pytest
     assert Arm.from_urdf(file, acceleration_max=[None]).acceleration_max.tolist() == [3.0]
     assert Arm.from_urdf(file, acceleration_max=[2.0]).acceleration_max.tolist() == [2.0]
     assert Arm.from_urdf(write(tmp_path)).acceleration_max.tolist() == [np.inf]
-    Arm.from_urdf(write(tmp_path, joint=LIMIT.replace("/>", ' acceleration="3" deceleration="4"/>')))
     assert not caplog.records
-    Arm.from_urdf(write(tmp_path, joint=LIMIT.replace("/>", ' acceleration="3" deceleration="2" jerk="9"/>')))
-    told = [record.getMessage() for record in caplog.records]
-    assert [words in message for words, message in zip(("deceleration limits", "jerk limits"), told, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("limits", "acceleration", "jerk"),
+    [
+        ('acceleration="3" deceleration="4"', 3.0, np.inf),
+        ('acceleration="3" deceleration="2"', 2.0, np.inf),
+        ('deceleration="2.5"', 2.5, np.inf),
+        ('jerk="9"', np.inf, 9.0),
+        ('jerk="9" deceleration="5" acceleration="6"', 5.0, 9.0),
+    ],
+)
+def test_one_limit_for_both_directions_is_the_smaller_one_and_jerk_limits_are_kept(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, limits: str, acceleration: float, jerk: float
+) -> None:
+    file = write(tmp_path, joint=LIMIT.replace("/>", f" {limits}/>"))
+    arm = Arm.from_urdf(file)
+    assert (arm.acceleration_max.tolist(), arm.jerk_max.tolist()) == ([acceleration], [jerk])
+    given = Arm.from_urdf(file, jerk_max=[50.0], acceleration_max=[7.0])
+    assert (given.acceleration_max.tolist(), given.jerk_max.tolist()) == ([7.0], [50.0])
+    assert not caplog.records
 
 
 def box(folder: Path, scale: str, file: str = "part.stl") -> Path:

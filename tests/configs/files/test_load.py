@@ -494,6 +494,7 @@ def test_data_sheets_fill_what_an_arm_leaves_open() -> None:
     ).over(sheet)
     assert list(arm.limits.torque_nm or ()) == [87, 50, 87, 87, 12, 12, 6]
     assert list(arm.limits.acceleration_rad_s2 or ()) == [15, 7.5, 10, 12.5, 15, 20, 20]
+    assert list(arm.limits.jerk_rad_s3 or ()) == [7500, 3750, 5000, 6250, 7500, 10000, 10000]
     assert list(arm.friction.coulomb_nm or ()) == [0] * 7
     assert arm.friction.viscous_nm_s_rad == sheet.friction.viscous_nm_s_rad
     assert arm.tip_link == "panda_grasptarget"

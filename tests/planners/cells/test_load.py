@@ -330,3 +330,14 @@ def test_a_cell_travels_to_other_processes(lee1991: CoordinationCell) -> None:
     assert copy.config == lee1991.config
     assert copy.config.source == lee1991.config.source
     np.testing.assert_array_equal(copy.fastest[1].mu, lee1991.fastest[1].mu)
+
+
+def test_jerk_limits_of_a_cell_reach_the_arm(write_cell: Cells) -> None:
+    def limit(data: dict[str, Any], jerk: list[object]) -> None:
+        arm(data)["limits"]["jerk_rad_s3"] = jerk
+
+    made = load_cell(write_cell(lambda data: limit(data, [500, None])))
+    assert [one.jerk_max.tolist() for one in made.arms] == [[500.0, np.inf], [np.inf, np.inf]]
+    for jerk, words in (([500, 0], r"jerk_rad_s3\[1\]"), ([500], "2, one per joint")):
+        with pytest.raises(ArmtempoError, match=words):
+            load_cell(write_cell(lambda data, jerk=jerk: limit(data, jerk)))

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 from armtempo.arrays import Floats
 from armtempo.planners import CoordinationCell, JointPath
@@ -100,3 +101,20 @@ def test_a_path_of_ones_own_needs_its_two_methods(joint_spline: Callable[[Floats
     with pytest.raises(TypeError, match="speed_bound"):
         Half()  # type: ignore[abstract]
     assert joint_spline(np.zeros((3, 2))).unit == "m"
+
+
+def test_third_derivatives_are_those_of_the_spline(joint_spline: Callable[[Floats], JointPath]) -> None:
+    """By differences inside pieces, and by a path that knows; at a knot the side counts."""
+    points = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 3))
+    path = joint_spline(points)
+    wanted = CubicSpline(path.breakpoints, points, bc_type="natural")
+    s = np.linspace(0.0, 1.0, 101)
+    np.testing.assert_allclose(path.third(s), wanted(s, 3), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(path.third(path.breakpoints[1:], before=True), wanted.c[0] * 6.0, rtol=1e-6, atol=1e-6)
+    assert path.third(0.3).shape == (3,)
+    assert path.third(np.zeros((2, 4))).shape == (2, 4, 3)
+    waypoints = JointPath.through(points)
+    knots, h = waypoints.breakpoints, 1e-5
+    ahead = (waypoints.evaluate(knots[:-1] + 2 * h)[2] - waypoints.evaluate(knots[:-1] + h)[2]) / h
+    np.testing.assert_allclose(waypoints.third(knots[:-1]), ahead, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(waypoints.third(knots[1:], before=True), ahead, rtol=1e-6, atol=1e-6)
