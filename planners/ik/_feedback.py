@@ -152,6 +152,7 @@ class IKRun:
     def share(self) -> dict[str, float]:
         """Fraction of the samples where the law was damped, capped in twist or joint speed, at a limit, in escape.
 
+        In escape it leaves a half turn, or a dead end.
         ``projected``, ``stray``: the task leaves out a part of the turning, or of the velocity, that was asked for.
         The classical solvers cap nothing: there ``speed`` and ``limit`` say that it went beyond, and ``unreached``
         that a sample was not reached.
@@ -173,6 +174,10 @@ class FeedbackIK:
     *Caps.* The twist's halves are shortened to ``linear_speed_max`` and ``angular_speed_max``, then all joint speeds in
     one ratio, to the arm's ``speed_max`` or the one given: never exceeded, in no stage of any integrator. Joints stop
     at their position limits, and the others make up for them as they can.
+    *Dead ends.* A run that makes no headway towards a target at rest for 10 / K (a straight elbow, a joint at its
+    limit, a singular wrist) looks for a posture that has the pose: by bounded least squares from where the arm is, then
+    from other postures, the same each time. It goes there on a straight line of joints, inside the caps, and the law
+    takes over again. If there is none nothing changes. ``joint_speeds``, which remembers nothing, is the law alone.
     *180 degrees.* Where the law sees no error in a half turn, it is told one of 0.02: it leaves in about 4/K.
 
     *Bounds.* The law by itself, exactly: the approach axes' angle d obeys ``d' = -K_a sin d + w``; the whole rotation's
@@ -381,7 +386,7 @@ class FeedbackIK:
         """The law once, at the posture q (n,): joint speeds (n,) for row ``index`` of the target, and its flags.
 
         For use on line: a loop that moves at these speeds for one step of the target is ``track`` with ``euler``, on
-        every second row.
+        every second row, if it comes to no dead end.
 
         Raises:
             InputError: q has the wrong shape, or is not finite; there is no such row.

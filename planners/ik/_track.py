@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armtempo.arrays import Floats, Ints
+from armtempo.planners.ik._dead_ends import leave_dead_end, watch_of
 from armtempo.planners.ik._error_bounds import step_bounds
 from armtempo.planners.ik._law import ESCAPE, LIMIT, Law, Targets, law_speeds, posture_speeds, scratch
 from armtempo.robots import ArmModel, njit
@@ -35,11 +36,15 @@ def track(
     w = scratch(n, law.task.shape[0])
     rate, feedback = np.zeros(n), np.empty(6)
     k1, k2, k3, k4, at = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    h, stride = targets.step, targets.stride
+    h, stride, watch = targets.step, targets.stride, watch_of(n)
     for k in range(steps + 1):
         here = k * stride
         posture_speeds(law, q[k], rate)
         flag = law_speeds(model, law, q[k], targets, here, w, rate, k1)
+        stages = method
+        if leave_dead_end(model, law, targets, here, q[0], q[k], w, watch, k1):
+            flag |= ESCAPE
+            stages = EULER
         for i in range(n):
             qd[k, i] = k1[i]
         for r in range(3):
@@ -55,12 +60,12 @@ def track(
             feedback[r] = w.feedback[r]
             for i in range(n):
                 w.before[r, i] = w.J[r, i]
-        if method == HEUN:
+        if stages == HEUN:
             for i in range(n):
                 at[i] = q[k, i] + h * k1[i]
             posture_speeds(law, at, rate)
             flag |= law_speeds(model, law, at, targets, here + stride, w, rate, k2)
-        elif method == RK4:
+        elif stages == RK4:
             for i in range(n):
                 at[i] = q[k, i] + 0.5 * h * k1[i]
             posture_speeds(law, at, rate)
@@ -75,9 +80,9 @@ def track(
             flag |= law_speeds(model, law, at, targets, here + 2, w, rate, k4)
         for i in range(n):
             speed = k1[i]
-            if method == HEUN:
+            if stages == HEUN:
                 speed = 0.5 * (k1[i] + k2[i])
-            elif method == RK4:
+            elif stages == RK4:
                 speed = (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
             moved = q[k, i] + h * speed
             if moved < law.position_min[i] or moved > law.position_max[i]:

@@ -12,9 +12,10 @@ GREEDY_ROUNDING = 1e-6  # of x: what rounding may keep the fastest motion from t
 
 
 @njit
-def greedy_profile(rows: Rows, sets: Floats, counts: Ints, x_start: float, x: Floats) -> int:
+def greedy_profile(rows: Rows, sets: Floats, counts: Ints, x_start: float, slowest: bool, x: Floats) -> int:
     """The fastest motion: at every station the largest ``u`` that stays in the controllable set.
 
+    ``slowest``: the smallest one, where every motion from ``x_start`` is at least as fast: it brakes as hard as it can.
     Returns -1, or the station from which more than rounding keeps the motion out of the next set.
     """
     bands = np.empty((rows.a.shape[1], 2))
@@ -24,15 +25,16 @@ def greedy_profile(rows: Rows, sets: Floats, counts: Ints, x_start: float, x: Fl
             x[i + 1] = x[i]
             continue
         best, least = -1.0, np.inf
-        for m in range(counts[i + 1] - 1, -1, -1):
+        for k in range(counts[i + 1]):
+            m = k if slowest else counts[i + 1] - 1 - k
             low, high = sets[i + 1, m, 0], sets[i + 1, m, 1]
             first, last, taken = reach(rows, i, x[i], low, high, bands)
-            y = beside(last, False, bands, taken)
-            if y >= first:
+            y = beside(first if slowest else last, slowest, bands, taken)
+            if first <= y <= last:
                 best, least = y, 0.0
                 break
             if first - last < least:  # rounding closed it: the interval that lacks least
-                best, least = min(max(last, low), high), first - last
+                best, least = min(max(first if slowest else last, low), high), first - last
         if least > GREEDY_ROUNDING * (1.0 + best):
             return i
         x[i + 1] = best

@@ -21,7 +21,7 @@ from armtempo.errors import ActionError, InfeasibleError, InputError
 from armtempo.planners.geometry import floats, number
 from armtempo.planners.topp._advance import acceleration_bounds, advance, edge_speed, record_pieces
 from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, admissible_sets, controllable_sets
-from armtempo.planners.topp._greedy import follow_edges, greedy_profile
+from armtempo.planners.topp._greedy import active_rows, follow_edges, greedy_profile
 from armtempo.planners.topp._path_dynamics import PathDynamics
 from armtempo.planners.topp._rows import COLUMNS_PER_ROW, STEP_HEADER_COLUMNS, Edges, Rows
 from armtempo.planners.topp._trajectory import PhaseTrajectory
@@ -32,6 +32,7 @@ NO_TICKS = np.empty(0)
 NO_PROFILE = np.empty(0)
 LIMIT_EXCESS_MAX = 1e-3  # of a limit: what dense sampling may find above it
 REFINEMENTS_MAX = 10
+FLOOR_SLACK = 1e-9  # of the slowest motion's mu^2: a limit lies so far above it, for the rounding of its sets
 
 
 @final
@@ -96,8 +97,12 @@ class PhasePlane:
     @cached_property
     def holdable(self) -> Bools:
         """(N+1,) the stations where the arm can stand still for as long as it likes, and go on from there."""
-        rows = self.rows
-        return np.asarray(((rows.low <= 0.0) & (rows.high >= 0.0)).all(axis=1) & (self.edges.low <= 0.0))
+        return np.asarray(self._still & (self.edges.low <= 0.0))
+
+    @property
+    def _still(self) -> Bools:
+        """(N+1,) the stations where the limits let it stand still."""
+        return np.asarray(((self.rows.low <= 0.0) & (self.rows.high >= 0.0)).all(axis=1))
 
     def _joint(self, row: int) -> int:
         """The joint that a row of the limits is about."""
@@ -278,22 +283,36 @@ class PhasePlane:
         nearest = min(spans.ravel(), key=lambda edge: abs(edge - mu_start))
         inside_one = any(low <= mu_start <= high for low, high in spans)
         x = self._greedy(float(mu_start if inside_one else nearest) ** 2)
-        stuck = np.flatnonzero((x[:-1] + x[1:] <= 0.0) & (np.diff(self.rows.station) > 0.0))
+        stuck = self._stuck(x)
         if len(stuck):
             raise self._explain_stuck(int(stuck[0]))
-        return PhaseTrajectory.from_profile(self.rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
+        return self._motion(x)
 
     def with_duration(self, duration: float, mu_start: float = 0.0) -> PhaseTrajectory:
         """The motion under one speed limit ``mu <= kappa`` that takes exactly ``duration`` [s].
 
-        Where no such limit gives it (viscous friction can make the time jump), the rest of the time is spent at the
-        start.
+        A start above that limit is braked down to it as hard as can be; where the arm cannot hold still it is as slow
+        as it can. Where no such limit gives the duration (viscous friction can make the time jump), it brakes as hard
+        as it can for a while, if need be to rest, waits where it can hold still (at the start, if it rests there and
+        can), and goes on at full speed. Where dense sampling finds a limit exceeded by more than 0.1 % (friction is
+        steep where an arm brakes to rest between stations), the motion is that of a grid refined there.
 
         Raises:
             InputError: ``duration`` is not finite.
-            InfeasibleError: It is shorter than the minimum time, or longer than the slowest motion of an arm that
-                cannot hold still; the message says which.
+            InfeasibleError: It is shorter than the minimum time, or longer than the slowest motion: the arm can stop
+                nowhere. The message says which limit is to blame.
         """
+        plane = self
+        for _ in range(REFINEMENTS_MAX):
+            motion = plane._lasting(duration, mu_start)
+            above = motion.stations_above(LIMIT_EXCESS_MAX) if self.dynamics.arm is not None else ()
+            if not len(above):
+                break
+            plane = PhasePlane(plane.dynamics.refined(above), self.mu_end)
+        return motion
+
+    def _lasting(self, duration: float, mu_start: float) -> PhaseTrajectory:
+        """``with_duration`` on this grid."""
         fastest = self.fastest(mu_start)
         if not math.isfinite(number(duration, "duration")):
             raise InputError(f"the duration must be finite, got {duration}")
@@ -302,57 +321,145 @@ class PhasePlane:
                 f"a duration of {duration:.6g} s is wanted, the minimum is {fastest.duration:.6g} s",
                 remedy="allow more time, or raise the limits",
             )
-        slowest, quickest = 0.0, float(fastest.mu.max(initial=0.0))  # kappa: too slow or impossible, fast enough
+        floor = self._slowest(float(fastest.mu[0]))
+        motion = self._under_one_limit(duration, fastest, floor)
+        left = duration - motion.duration
+        if left <= 1e-9 * duration:
+            return motion
+        if mu_start == 0.0 and self.holdable[0]:
+            return motion.delayed(left)
+        for row in np.flatnonzero((floor[:-1] == 0.0) & self._still[:-1]):
+            stop = self._braked(floor, int(row), 0.0)
+            if stop is not None and stop.duration <= duration:
+                return stop.waiting(int(row), duration - stop.duration)
+        motion = self._braked_for_a_while(duration, fastest, floor)
+        if duration - motion.duration <= 1e-9 * duration:
+            return motion
+        raise self._explain_slowest(duration, motion, floor)
+
+    def _under_one_limit(self, duration: float, fastest: PhaseTrajectory, floor: Floats) -> PhaseTrajectory:
+        """The slowest motion under one speed limit, or above it along ``floor``, that does not take too long."""
+        if np.all(floor[:-1] + floor[1:] > 0.0):  # no limit makes it slower than that
+            slowest = self._motion(floor)
+            if slowest.duration <= duration:
+                return slowest
+        slow, quick = 0.0, float(fastest.mu.max(initial=0.0))  # kappa: too slow or impossible, fast enough
         motion = fastest
         for _ in range(200):
-            if duration - motion.duration <= 1e-13 * duration or quickest - slowest <= 1e-15 * quickest:
+            if duration - motion.duration <= 1e-13 * duration or quick - slow <= 1e-15 * quick:
                 break
-            kappa = 0.5 * (slowest + quickest)
-            if slowest == 0.0:  # towards ever slower motions: the time grows about as 1 / kappa
-                kappa = quickest * min(0.9 * motion.duration / duration, 0.5)
-            tried = self._capped(kappa, mu_start)
+            kappa = 0.5 * (slow + quick)
+            if slow == 0.0:  # towards ever slower motions: the time grows about as 1 / kappa
+                kappa = quick * min(0.9 * motion.duration / duration, 0.5)
+            tried = self._capped(kappa, floor)
             if tried is not None and tried.duration <= duration:
-                quickest, motion = kappa, tried
+                quick, motion = kappa, tried
             else:
-                slowest = kappa
-        left = duration - motion.duration
-        if left > 1e-9 * duration and (mu_start > 0.0 or not self.holdable[0]):
-            raise InfeasibleError(
-                f"a duration of {duration:.6g} s is wanted; the slowest motion takes {motion.duration:.6g} s, because "
-                "the arm cannot hold still everywhere",
-                remedy="ask for less time, or raise the torque limits",
-            )
-        return motion.delayed(left) if mu_start == 0.0 else motion
+                slow = kappa
+        return motion
 
-    def _capped(self, kappa: float, mu_start: float) -> PhaseTrajectory | None:
-        """The fastest motion with ``mu <= kappa``, or None."""
-        if kappa < max(mu_start, self.mu_end):
-            return None
-        rows = self.rows._replace(x_cap=np.minimum(self.rows.x_cap, kappa**2))
+    def _capped(self, kappa: float, floor: Floats) -> PhaseTrajectory | None:
+        """The fastest motion with ``mu <= kappa``, or where ``floor`` (N+1,) of ``mu^2`` is above that, along it."""
+        cap = np.maximum(kappa**2, floor + np.where(floor > 0.0, FLOOR_SLACK * (floor + floor.max()), 0.0))
+        rows = self.rows._replace(x_cap=np.minimum(self.rows.x_cap, cap))
         sets, counts = np.zeros_like(self.sets), np.zeros_like(self.counts)
         if controllable_sets(rows, self.mu_end**2, False, NO_PROFILE, sets, counts) >= 0:
             return None
-        if not any(low <= mu_start**2 <= high for low, high in sets[0, : counts[0]]):
+        if not any(low <= floor[0] <= high for low, high in sets[0, : counts[0]]):
             return None
         x = np.empty(len(rows.station))
-        if greedy_profile(rows, sets, counts, mu_start**2, x) >= 0:
+        if greedy_profile(rows, sets, counts, floor[0], False, x) >= 0:
             return None
-        if np.any((x[:-1] + x[1:] <= 0.0) & (np.diff(rows.station) > 0.0)):
+        return None if self._stuck(x).size else self._motion(x)
+
+    def _slowest(self, mu_start: float) -> Floats:
+        """(N+1,) of ``mu^2``: the lowest motion, braking as hard as can be; at rest it stays so while it can."""
+        x = np.empty(len(self.rows.station))
+        failed = greedy_profile(self.rows, self.sets, self.counts, mu_start**2, True, x)
+        if failed >= 0:
+            raise self._explain_leaving("slowest", failed)
+        return x
+
+    def _braked(self, floor: Floats, row: int, x_row: float) -> PhaseTrajectory | None:
+        """The motion along ``floor`` to the row before, ``x_row`` there, then as fast as can be; None: it cannot."""
+        rows = Rows(*(column[row:] for column in self.rows))
+        x = np.empty(len(rows.station))
+        if greedy_profile(rows, self.sets[row:], self.counts[row:], x_row, False, x) >= 0:
             return None
-        return PhaseTrajectory.from_profile(rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
+        x = np.concatenate([floor[:row], x])
+        return None if self._stuck(x).size else self._motion(x)
+
+    def _braked_for_a_while(self, duration: float, fastest: PhaseTrajectory, floor: Floats) -> PhaseTrajectory:
+        """The slowest motion that does not take too long of those that brake along ``floor``, then go full speed."""
+        motion, row, beyond = fastest, 0, len(floor) - 1
+        while beyond - row > 1:
+            middle = (row + beyond) // 2
+            tried = self._braked(floor, middle, float(floor[middle]))
+            if tried is not None and tried.duration <= duration:
+                motion, row = tried, middle
+            else:
+                beyond = middle
+        quick, slow = float(motion.mu[beyond] ** 2), float(floor[beyond])
+        for _ in range(60):
+            middle_x = 0.5 * (quick + slow)
+            tried = self._braked(floor, beyond, middle_x)
+            if tried is not None and tried.duration <= duration:
+                motion, quick = tried, middle_x
+            else:
+                slow = middle_x
+        return motion
+
+    def _motion(self, x: Floats) -> PhaseTrajectory:
+        return PhaseTrajectory.from_profile(self.rows.station, np.sqrt(x), self.dynamics, mu_end=self.mu_end)
+
+    def _stuck(self, x: Floats) -> Ints:
+        """Rows from which a profile (N+1,) of ``mu^2`` does not get on."""
+        return np.flatnonzero((x[:-1] + x[1:] <= 0.0) & (np.diff(self.rows.station) > 0.0))
+
+    def _explain_slowest(self, duration: float, slowest: PhaseTrajectory, floor: Floats) -> InfeasibleError:
+        """Why no motion takes so long."""
+        wanted = f"a duration of {duration:.6g} s is wanted; the slowest motion takes {slowest.duration:.6g} s"
+        if np.any(floor[:-1] + floor[1:] <= 0.0):
+            return InfeasibleError(
+                f"{wanted} before the time jumps, because viscous friction parts slow motions from fast ones",
+                remedy="ask for less or much more time, or start more slowly",
+            )
+        lacking = np.maximum(self.rows.low, -self.rows.high)
+        weak = np.flatnonzero(lacking.max(axis=1) > 0.0)
+        reasons, remedies = [], [f"ask for {slowest.duration:.6g} s at most"]
+        if floor[0] > 0.0 and not (len(weak) and weak[0] == 0):
+            row, side = np.empty((2, len(floor) - 1), dtype=np.int64)
+            active_rows(self.rows, floor, slowest.mu_dot, row, side)
+            braking = row[(slowest.mu_dot < 0.0) & (row >= 0)]
+            most = self.limit_name(int(np.bincount(braking).argmax())) if len(braking) else "no single limit"
+            where = f"before station {self.rows.station[weak[0]]:.4g}" if len(weak) else "before the end"
+            reasons.append(f"the arm, whose braking {most} limits, does not stop {where}")
+            remedies.append("start more slowly, or raise that limit")
+        if len(weak):
+            worst = int(weak[lacking[weak].max(axis=1).argmax()])
+            limit = int(lacking[worst].argmax())
+            reasons.append(
+                f"the arm cannot hold still everywhere: at station {self.rows.station[worst]:.4g} "
+                f"{self.limit_name(limit)} is too small by {lacking[worst, limit]:.4g}"
+            )
+            remedies.append("raise that limit" if len(reasons) == 1 else "raise this one, too")
+        return InfeasibleError(f"{wanted}, because {'; '.join(reasons)}", remedy=", or ".join(remedies))
 
     def _greedy(self, x_start: float) -> Floats:
         x = np.empty(len(self.rows.station))
-        failed = greedy_profile(self.rows, self.sets, self.counts, x_start, x)
+        failed = greedy_profile(self.rows, self.sets, self.counts, x_start, False, x)
         if failed >= 0:
-            station = float(self.rows.station[failed])
-            raise InfeasibleError(
-                f"the fastest motion leaves the controllable set after station {station:.4g}: the grid is too coarse",
-                remedy="use more intervals",
-                station=station,
-                row=failed,
-            )
+            raise self._explain_leaving("fastest", failed)
         return x
+
+    def _explain_leaving(self, which: str, row: int) -> InfeasibleError:
+        station = float(self.rows.station[row])
+        return InfeasibleError(
+            f"the {which} motion leaves the controllable set after station {station:.4g}: the grid is too coarse",
+            remedy="use more intervals",
+            station=station,
+            row=row,
+        )
 
     def braking(self, lam: float, mu: float) -> PhaseTrajectory:
         """Maximum braking from a state to rest (or to the end of the path)."""

@@ -154,10 +154,18 @@ class PhaseTrajectory:
             return self
         if self.mu[0] > 0.0:
             raise InfeasibleError(f"a motion that starts with mu = {self.mu[0]:.4g} cannot wait at its start")
+        return self.waiting(0, delay)
+
+    def waiting(self, row: int, delay: float) -> PhaseTrajectory:
+        """The same motion that stands still for ``delay`` [s] more at a row at which it rests."""
+        if self.mu[row] > 0.0:
+            raise InfeasibleError(f"a motion that passes station {self.lam[row]:.4g} cannot wait there")
+        parts = (np.split(rows, [row + 1]) for rows in (self.lam, self.mu, self.time))
+        (lam, lam_after), (mu, mu_after), (time, time_after) = parts
         return PhaseTrajectory(
-            lam=np.concatenate([self.lam[:1], self.lam]),
-            mu=np.concatenate([[0.0], self.mu]),
-            time=np.concatenate([[0.0], self.time + delay]),
+            lam=np.concatenate([lam, lam[-1:], lam_after]),
+            mu=np.concatenate([mu, [0.0], mu_after]),
+            time=np.concatenate([time, time[-1:] + delay, time_after + delay]),
             dynamics=self.dynamics,
             mu_end=self.mu_end,
         )

@@ -50,9 +50,9 @@ def integrator(stations: int = 41) -> PhasePlane:
 def test_a_start_from_which_the_sets_cannot_be_met_is_told_by_its_station() -> None:
     plane = integrator()
     x = np.empty(41)
-    assert greedy_profile(plane.rows, plane.sets, plane.counts, 0.0, x) == -1
+    assert greedy_profile(plane.rows, plane.sets, plane.counts, 0.0, False, x) == -1
     np.testing.assert_allclose(x, 2.0 * np.minimum(plane.rows.station, 1.0 - plane.rows.station), atol=1e-9)
-    assert greedy_profile(plane.rows, plane.sets, plane.counts, 2.1, x) == 0  # braking ends past the end
+    assert greedy_profile(plane.rows, plane.sets, plane.counts, 2.1, False, x) == 0  # braking ends past the end
 
 
 def test_the_active_row_is_the_one_at_a_limit_with_its_side() -> None:
