@@ -172,7 +172,7 @@ def _show_coordination(cell: CoordinationCell, output: Output) -> None:
             shown(arm.name),
             shown(arm.urdf.stem),
             ", ".join(f"{x:g}" for x in entry["base_m"]),
-            ", ".join(f"{x:g}" for x in entry["torque_limit_nm"]),
+            ", ".join(_torque(x) for x in entry["torque_limit_nm"]),
             f"{number(entry[f'path_length_{unit}'], 4)} {unit}",
             number(entry["minimum_time_s"], 4),
             number(entry["torque_ratio_max"], 4),
@@ -326,7 +326,7 @@ def _show_ik(cell: IKCell, output: Output) -> None:
             f"{arm.position_min[j]:.3g} to {arm.position_max[j]:.3g}",
             number(float(arm.speed_max[j]), 2),
             number(float(facts["joint_speed_max_rad_s"][j]), 3),
-            f"{arm.torque_max[j]:g}",
+            _torque(arm.torque_max[j]),
         )
     output.table(table)
     output.say(
@@ -342,6 +342,12 @@ def _show_ik(cell: IKCell, output: Output) -> None:
         f"File: {shown(cell.config.source)}"
     )
     output.json(facts)
+
+
+def _torque(limit: float) -> str:
+    from armtempo.robots import UNLIMITED
+
+    return "–" if limit >= UNLIMITED else f"{limit:g}"
 
 
 SHOWN: Mapping[str, Callable[[Any, Output], None]] = {

@@ -8,10 +8,12 @@ from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._numba import inlined, njit, uncounted, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
+from armtempo.robots._sizes import UNLIMITED
 from armtempo.robots._urdf_text import principal_moments, urdf_text
 from armtempo.robots._visuals import Visual, read_visuals
 
 __all__ = [
+    "UNLIMITED",
     "Arm",
     "ArmModel",
     "Bodies",

@@ -11,7 +11,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armtempo.arrays import Floats, read_only
+from armtempo.arrays import Bools, Floats, read_only
 from armtempo.errors import RobotError, check_keywords
 from armtempo.robots import _kernels as kernels
 from armtempo.robots._model import ArmModel, Capsules
@@ -23,6 +23,7 @@ from armtempo.robots._sizes import (
     LENGTH_MAX,
     LIMIT_MAX,
     MASS_MAX,
+    UNLIMITED,
     read_array,
     read_number,
 )
@@ -100,13 +101,15 @@ class Arm:
     """Name of the first URDF link of each moving link."""
     tip_link: str
     dof: int
+    kinematic: bool
+    """Its file has no inertia: torques are not looked at."""
     position_min: Floats
     """(n,); -inf for continuous joints."""
     position_max: Floats
     speed_max: Floats
     """(n,) [rad/s or m/s]."""
     torque_max: Floats
-    """(n,) [N m or N], for both signs."""
+    """(n,) [N m or N], for both signs; ``UNLIMITED`` where none is known: no inertia, or an effort limit of 0."""
     acceleration_max: Floats
     """(n,) [rad/s^2 or m/s^2], for both signs; inf: no limit. Only URDF 1.2 has some."""
     jerk_max: Floats
@@ -134,6 +137,7 @@ class Arm:
         tip_link: str | None = None,
         tool: Tool | None = None,
         unphysical_inertia: Unphysical = "refuse",
+        substitute_mass: float | None = None,
         ignored_pairs: Sequence[tuple[str, str]] = (),
         **given: Unpack[JointKeywords],
     ) -> Arm:
@@ -144,10 +148,14 @@ class Arm:
             name: In messages and body names; the robot's name by default.
             T_world_base: (4, 4) pose of the root link, the identity by default.
             gravity: (3,) in the world [m/s^2].
-            tip_link: Needed only where the links branch. Movable joints off the chain are held at zero.
+            tip_link: By default the end of the longest chain of joints, in front of a gripper, by a name such as tool0
+                or tcp; needed where that leaves a choice. Movable joints off the chain are held at zero.
             tool: Carried by the tip link.
             unphysical_inertia: Links whose moments of inertia no body can have (some published URDFs hold them) are
                 refused, or taken for a ``point-mass`` at their centre, which is what PyBullet simulates; logged.
+            substitute_mass: Where no link has an inertia: the mass of all moving links together [kg], spread over them
+                by volume. Without it such an arm has no mass, and PyBullet cannot move it. Either way
+                it is ``kinematic``: planned by its speed and acceleration limits alone.
             ignored_pairs: Pairs of URDF links that are not looked at for self-collision (an SRDF's disabled pairs).
             **given: What the URDF has otherwise, one entry per joint; None entries keep the URDF's.
                 ``torque_max`` (n,) in place of its effort limits [N m or N];
@@ -165,12 +173,12 @@ class Arm:
         """
         check_keywords(cls.from_urdf, given, JointKeywords.__annotations__)
         file = Path(urdf)
-        chain = read_urdf(file, tip_link, unphysical_inertia)
+        _check_mass(substitute_mass)
+        chain = read_urdf(file, tip_link, unphysical_inertia, substitute_mass)
         joints = chain.joints
-        n = len(joints)
         T_base = check_pose(np.eye(4) if T_world_base is None else T_world_base, f"base of {name or chain.name!r}")
-        g = read_array(gravity, (3,), GRAVITY_MAX, "gravity (x, y, z)", "m/s^2")
-        torque = _limits(file, joints, "effort", "torque_max", given.get("torque_max"))
+        torques = _unlimited if chain.kinematic else _limits
+        torque = torques(file, joints, "effort", "torque_max", given.get("torque_max"))
         speed = _limits(file, joints, "velocity", "speed_max", given.get("speed_max"))
         position = _position_limits(file, joints, given.get("position_limits"))
         own = [math.inf if joint.acceleration is None else joint.acceleration for joint in joints]
@@ -183,7 +191,7 @@ class Arm:
         if tool is not None:
             chain = _with_tool(chain, tool)
         _check_pairs(file, ignored_pairs, chain.shapes)
-        model = _model(chain, viscous, g, T_base)
+        model = _model(chain, viscous, read_array(gravity, (3,), GRAVITY_MAX, "gravity (x, y, z)", "m/s^2"), T_base)
         return cls(
             name=name or chain.name,
             urdf=file,
@@ -192,7 +200,8 @@ class Arm:
             joint_names=tuple(joint.name for joint in joints),
             link_names=tuple(joint.link_name for joint in joints),
             tip_link=chain.tip_link,
-            dof=n,
+            dof=len(joints),
+            kinematic=chain.kinematic,
             position_min=_frozen(position[:, 0]),
             position_max=_frozen(position[:, 1]),
             speed_max=speed,
@@ -207,6 +216,11 @@ class Arm:
             capsules=pack(chain.shapes),
             T_link_tip=_frozen(chain.T_last_tip),
         )
+
+    @property
+    def unlimited(self) -> Bools:
+        """(n,) joints that neither a torque nor an acceleration limit keeps from speeding up at once."""
+        return np.asarray((self.torque_max >= UNLIMITED) & np.isinf(self.acceleration_max))
 
     def __reduce__(self) -> tuple[object, tuple[dict[str, Any]]]:
         return _arrived, ({field.name: getattr(self, field.name) for field in fields(self)},)
@@ -371,6 +385,8 @@ def _limits(
     values = []
     for i, (joint, own) in enumerate(zip(joints, _entries(given, len(joints), key), strict=True)):
         value = getattr(joint, attribute) if own is None else read_number(own)
+        if attribute == "effort" and own is None and value == 0.0:
+            value = UNLIMITED  # so the files of many industrial robots say that they do not tell
         element = f"joint {joint.name!r}"
         if own is not None and not 0.0 < value <= LIMIT_MAX:
             remedy = f"give a limit > 0 and up to {LIMIT_MAX:g}"
@@ -386,6 +402,24 @@ def _limits(
             )
         values.append(value)
     return _frozen(values)
+
+
+def _check_mass(substitute: float | None) -> None:
+    if substitute is not None and not 0.0 < read_number(substitute) <= MASS_MAX:
+        raise RobotError(f"substitute_mass = {substitute!r:.60} is not > 0", remedy=f"give up to {MASS_MAX:g} kg")
+
+
+def _unlimited(
+    file: Path, joints: tuple[ChainJoint, ...], attribute: str, key: str, given: Sequence[float | None] | Floats | None
+) -> Floats:
+    """Limits that none is reached of, for the ``attribute`` of an arm without inertia."""
+    if any(own is not None for own in _entries(given, len(joints), key)):
+        raise RobotError(
+            f"{file}: {key} is given in place of {attribute} limits, but no link has an <inertial>",
+            remedy="add masses and inertias, or leave it out: limits of speed and acceleration are kept",
+            file=str(file),
+        )
+    return _frozen(np.full(len(joints), UNLIMITED))
 
 
 def _filled(

@@ -18,6 +18,7 @@ __all__ = [
     "LENGTH_MAX",
     "LIMIT_MAX",
     "MASS_MAX",
+    "UNLIMITED",
     "read_array",
     "read_number",
 ]
@@ -32,6 +33,8 @@ INERTIA_MAX: Final = 1e15
 """[kg m^2]."""
 FORCE_MAX: Final = 1e12
 """Of friction, per speed or not [N m, N]."""
+UNLIMITED: Final = 1e12
+"""Torque limit [N m] or force limit [N] of a joint of which none is known."""
 LIMIT_MAX: Final = 1e16
 """Of limits of positions, speeds, torques and accelerations: what exporters write for "none"."""
 GRAVITY_MAX: Final = 1e6

@@ -7,6 +7,7 @@ import logging
 import math
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +19,8 @@ import yourdfpy
 from armtempo.arrays import Floats
 from armtempo.errors import RobotError
 from armtempo.robots._shapes import MESH_LENGTH_USUAL, Shape, hull_length, load_mesh, make_shape
+from armtempo.robots._substitute import spread_mass
+from armtempo.robots._tip import choose_tip
 from armtempo.robots._urdf_numbers import check_numbers, has_no_size, numbers_of
 
 __all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia", "read_urdf"]
@@ -66,6 +69,8 @@ class Chain:
     shapes: tuple[Shape, ...]
     tip_link: str
     T_last_tip: Floats
+    kinematic: bool
+    """The file has no inertia: bodies have no mass, or a substitute."""
 
 
 def merge_inertia(bodies: list[tuple[float, Floats, Floats]]) -> Body:
@@ -79,12 +84,18 @@ def merge_inertia(bodies: list[tuple[float, Floats, Floats]]) -> Body:
     return Body(mass=mass, com=com, inertia=inertia)
 
 
-def read_urdf(file: Path, tip_link: str | None, unphysical_inertia: Unphysical = "refuse") -> Chain:
-    """Parse ``file`` and follow the chain from its root to ``tip_link`` (default: the only leaf).
+def read_urdf(
+    file: Path,
+    tip_link: str | None,
+    unphysical_inertia: Unphysical = "refuse",
+    substitute_mass: float | None = None,
+) -> Chain:
+    """Parse ``file`` and follow the chain from its root to ``tip_link`` (default: see ``choose_tip``).
 
-    Movable joints off the chain are held at zero. Raises RobotError naming the file, the element and the remedy.
+    Movable joints off the chain are held at zero. Where no link has an inertia, ``substitute_mass`` [kg] is spread over
+    all of them; without it they have no mass. Raises RobotError naming the file, the element and the remedy.
     """
-    return UrdfReader(file, unphysical_inertia).chain(tip_link)
+    return UrdfReader(file, unphysical_inertia, substitute_mass).chain(tip_link)
 
 
 class UrdfReader:
@@ -95,9 +106,11 @@ class UrdfReader:
         visuals: The <visual> elements of every link, as they are: nobody has looked at them.
     """
 
-    def __init__(self, file: Path, unphysical_inertia: Unphysical) -> None:
+    def __init__(self, file: Path, unphysical_inertia: Unphysical, substitute_mass: float | None = None) -> None:
         self.file = file
         self.unphysical_inertia = unphysical_inertia
+        self.substitute_mass = substitute_mass
+        self.kinematic = False
         self.visuals: dict[str, list[ET.Element]] = {}
         self.capsules: dict[tuple[str, int], tuple[float, float]] = {}
         """Radius and length of PyBullet's <capsule> elements, which yourdfpy refuses, by link and collision."""
@@ -224,23 +237,26 @@ class UrdfReader:
                 self.fail(f"tip_link {tip_link!r}", "does not exist", self._known(tip_link, self.links))
             return tip_link
         leaves = [name for name, joints in self.children.items() if not joints]
-        if len(leaves) > 1:
-            self.fail(
-                "robot", f"ends in {len(leaves)} links", f"choose the tip with tip_link: one of {', '.join(leaves)}"
-            )
-        return leaves[0]
+        if len(leaves) == 1:
+            return leaves[0]
+        tips = choose_tip(self.root, self.children, lambda joint: joint.type in MOVABLE_TYPES)
+        if tips.link is None:
+            remedy = f"choose the tip with tip_link: {', '.join(tips.candidates)}"
+            self.fail("robot", f"ends in {len(leaves)} links", remedy)
+        _LOG.info("%s: the tip is %r, as none is named", self.file, tips.link)
+        return tips.link
 
     def chain(self, tip_link: str | None) -> Chain:
         tip = self._tip(tip_link)
         movable = self._movable(tip)
         place, before = self._places(movable)
-        bodies = self._bodies(movable, place)
-        joints = [self._joint(j, T, b) for j, T, b in zip(movable, before, bodies, strict=True)]
         shapes = [
             self._shape(name, index, collision, *place[name])
             for name, link in self.links.items()
             for index, collision in enumerate(link.collisions)
         ]
+        bodies = self._bodies(movable, place, shapes)
+        joints = [self._joint(j, T, b) for j, T, b in zip(movable, before, bodies, strict=True)]
         if self.huge_meshes:
             self.hints.append(
                 f"{self.huge_meshes[0]}, {len(self.huge_meshes)} such in all: are they in millimetres? "
@@ -254,6 +270,7 @@ class UrdfReader:
             shapes=tuple(shapes),
             tip_link=tip,
             T_last_tip=place[tip][1],
+            kinematic=self.kinematic,
         )
 
     def places(self, tip_link: str) -> dict[str, tuple[int, Floats]]:
@@ -306,8 +323,12 @@ class UrdfReader:
                 self.fail(f"link {name!r}", "hangs on a loop", "the links must form a tree")
         return place, before
 
-    def _bodies(self, movable: list[Any], place: dict[str, tuple[int, Floats]]) -> list[Body]:
+    def _bodies(self, movable: list[Any], place: dict[str, tuple[int, Floats]], shapes: Sequence[Shape]) -> list[Body]:
         """Of the moving links, with all that is fixed to them."""
+        if all(link.inertial is None for name, link in self.links.items() if place[name][0] >= 0):
+            return self._substitutes(len(movable), shapes)
+        if self.substitute_mass is not None:
+            self.fail("robot", "has links with <inertial>", "leave substitute_mass_kg out, or all of these")
         parts: list[list[tuple[float, Floats, Floats]]] = [[] for _ in movable]
         for name, link in self.links.items():
             body, T = place[name]
@@ -321,6 +342,16 @@ class UrdfReader:
         if bodies[-1].mass <= 0:
             self.fail(f"link {movable[-1].child!r}", "moves but has no mass", "give it a mass greater than 0")
         return bodies
+
+    def _substitutes(self, links: int, shapes: Sequence[Shape]) -> list[Body]:
+        """Bodies of a robot in whose file none has an inertia."""
+        self.kinematic = True
+        if self.substitute_mass is None:
+            return [merge_inertia([])] * links
+        parts = spread_mass(self.substitute_mass, links, shapes)
+        if parts is None:
+            self.fail("robot", "has no <collision> on its last link to spread a mass over", "add one")
+        return [merge_inertia(part) for part in parts]
 
     def _inertial(self, name: str, inertial: Any, T: Floats) -> tuple[float, Floats, Floats]:
         mass, inertia = inertial.mass, inertial.inertia

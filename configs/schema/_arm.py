@@ -111,6 +111,8 @@ class RobotConfig(FileModel):
     """Limits instead of the URDF's."""
     friction: FrictionConfig = FrictionConfig()
     """Friction instead of the URDF's."""
+    substitute_mass_kg: Positive | None = None
+    """Mass of all moving links [kg], where the URDF has no inertia; spread over them by volume."""
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not looked at for self-collision."""
     unphysical_inertia: Literal["refuse", "point-mass"] = "refuse"
@@ -127,13 +129,17 @@ class MountedArmConfig(FileModel):
     base: PoseConfig = PoseConfig()
     """Pose of the URDF's root link in the world."""
     tip_link: str | None = None
-    """Link that carries the tool; null: the last link of the chain."""
+    """Link that carries the tool; null: the end of the longest chain of joints, in front of a gripper. Asked for where
+    that leaves a choice."""
     tool: ToolConfig | None = None
     """Body on the tip link; null: the bare tip link follows the path."""
     limits: LimitsConfig = LimitsConfig()
     """Limits instead of the URDF's."""
     friction: FrictionConfig = FrictionConfig()
     """Friction instead of the URDF's."""
+    substitute_mass_kg: Positive | None = None
+    """Mass of all moving links [kg], where the URDF has no inertia: spread over them by volume, for PyBullet. Such an
+    arm is planned by its speed and acceleration limits alone, with this or without."""
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not looked at for self-collision: those that touch by design."""
 
@@ -146,6 +152,7 @@ class MountedArmConfig(FileModel):
                 "tip_link": self.tip_link or sheet.tip_link,
                 "limits": _over(self.limits, sheet.limits),
                 "friction": _over(self.friction, sheet.friction),
+                "substitute_mass_kg": self.substitute_mass_kg or sheet.substitute_mass_kg,
                 "ignored_pairs": (*sheet.ignored_pairs, *self.ignored_pairs),
             }
         )

@@ -65,6 +65,13 @@ class Scene:
         window: bool = False,
         egl: bool = False,
     ) -> None:
+        for arm in cell.arms:
+            if arm.model.mass[-1] <= 0.0:
+                raise RobotError(
+                    f"arm {arm.name!r}: {arm.urdf} has no inertia: PyBullet cannot move it",
+                    remedy='give substitute_mass_kg in the cell, or physics="ideal" (--physics ideal)',
+                    file=str(arm.urdf),
+                )
         self.cell = cell
         self._errors = model_error, friction_error
         with quiet():

@@ -69,6 +69,7 @@ def arm_from(config: CellFileConfig, arm: MountedArmConfig) -> Arm:
         jerk_max=arm.limits.jerk_rad_s3,
         damping=arm.friction.viscous_nm_s_rad,
         coulomb=arm.friction.coulomb_nm,
+        substitute_mass=arm.substitute_mass_kg,
         unphysical_inertia="refuse" if sheet is None else sheet.unphysical_inertia,
         ignored_pairs=arm.ignored_pairs,
     )

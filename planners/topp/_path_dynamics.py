@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armtempo.arrays import Bools, Floats
-from armtempo.errors import InputError
+from armtempo.errors import InputError, RobotError
 from armtempo.planners.geometry import floats, number
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.robots import Arm, kernels
@@ -232,12 +232,21 @@ class PathDynamics:
         Raises:
             InputError: An argument is out of range.
             PathError: The path is not finite, or not one of this arm.
+            RobotError: A joint has neither a torque nor an acceleration limit.
         """
         torque_reserve = number(torque_reserve, "torque_reserve")
         if not 1 <= number(intervals, "intervals") <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
             raise InputError(
                 f"intervals must be at least 1, at most {INTERVALS_MAX}, and torque_reserve in [0, 1), "
                 f"got {intervals} and {torque_reserve}"
+            )
+        if arm.unlimited.any():
+            joint = arm.joint_names[int(np.argmax(arm.unlimited))]
+            known = "no inertia" if arm.kinematic else "effort=0"
+            raise RobotError(
+                f"arm {arm.name!r}: {arm.urdf} has {known} for joint {joint!r}, which has no acceleration limit either",
+                remedy="give acceleration limits (limits.acceleration_rad_s2 in a cell, acceleration_max in Python)",
+                file=str(arm.urdf),
             )
         path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)

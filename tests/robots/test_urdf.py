@@ -42,7 +42,7 @@ def write(folder: Path, body: str) -> Path:
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        (link("base", "") + link("one", "") + joint("j1", "base", "one"), ["link 'one'", "<inertial>", "mass"]),
+        (GOOD + link("two", "") + joint("j2", "one", "two"), ["link 'two'", "<inertial>", "mass"]),
         (
             GOOD + link("two", collision('<sphere radius="1"/>')) + joint("f", "one", "two", "fixed", ""),
             ["link 'two'", "<inertial>"],
