@@ -35,8 +35,10 @@ class BlendedPath:
         remaining_distance: From the vertex along the segments [m]: for all corners, per corner (n - 1,), or before and
             behind each (n - 1, 2).
         shape_factor: lambda of the cubic, for all corners or each.
-        tolerance: Instead: distance of the vertex from the path [m], for all corners or each. With both, the remaining
-            distance is the most that is taken, of a pair the smaller.
+        tolerance: Instead: the most that the path leaves the vertex by [m], for all corners or each. It is used up
+            where the segments are long enough: of a segment that two corners want more of than there is, each takes
+            half, or what the other leaves. With both, the remaining distance is the most that is taken, too, of a pair
+            the smaller.
         curve: As for ``blend``.
         limits: For ``curve="least-time"``.
         orientation: Of the tool, quaternions (x, y, z, w): one (4,) for all the way, or two (2, 4), between which it
@@ -53,8 +55,8 @@ class BlendedPath:
 
     Raises:
         InputError: A number that makes no sense, an unknown curve, a wrong shape.
-        PathError: A gap, a reversal, a blend longer than its segment, two blends that overlap; ``data`` has
-            ``segments`` and ``station`` (length along the segments to the corner) [m].
+        PathError: A gap, a reversal; by remaining distance a blend longer than its segment, two blends that overlap;
+            ``data`` has ``segments`` and ``station`` (length along the segments to the corner) [m].
     """
 
     length: float
