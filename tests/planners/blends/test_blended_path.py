@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 from armtempo.arrays import Floats
 from armtempo.errors import ArmtempoError, InputError, PathError
-from armtempo.planners import Arc, BlendedPath, Line, LineSpeedLimits, blend
+from armtempo.planners import Arc, BlendedPath, Line, LineSpeedLimits, blend, limit_aware_profile
 from armtempo.planners.blends import Blend, arc_length
 from armtempo.planners.blends.kernels import blended_point
 
@@ -244,6 +244,33 @@ def test_tolerances_of_nanometres_are_all_accepted(curve: str, degrees: float) -
         assert path.deviation[0] == pytest.approx(tolerance, rel=1e-9, abs=1e-15)
 
 
+@pytest.mark.parametrize("radius", [0.01, 0.5])
+def test_a_thousand_chords_are_timed_like_their_arc(radius: float) -> None:
+    turn = np.linspace(0.0, math.pi, 1001)
+    points = radius * np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1)
+    path = BlendedPath.fit(points, 1e-4)
+    assert len(path.pieces) <= 16
+    assert (path.continuity == 3).all()
+    assert path.deviation.max() <= 1e-4
+    limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0)
+    arc = limit_aware_profile(Arc(points[0], points[-1], np.zeros(3), np.array([0.0, 0.0, 1.0])), limits)
+    assert limit_aware_profile(path, limits).duration == pytest.approx(arc.duration, rel=0.01)
+
+
+def test_a_fit_is_a_path_like_others() -> None:
+    points = random_polyline(12)
+    path = BlendedPath.fit(points, 0.01, orientation=[0, 0, 1, 0])
+    np.testing.assert_allclose(path.position([0.0, path.length]), points[[0, -1]], atol=1e-12)
+    s, h = np.linspace(0.01, path.length - 0.01, 2001), 1e-6
+    here, ahead, behind = path.derivatives(s), path.derivatives(s + h), path.derivatives(s - h)
+    np.testing.assert_allclose(np.linalg.norm(here[1], axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(here[1], (ahead[0] - behind[0]) / (2 * h), atol=1e-5)
+    assert sum(piece.length for piece in path.pieces) == pytest.approx(path.length)
+    assert path.oriented
+    nearest = np.linalg.norm(points[:, None] - path.position(np.linspace(0.0, path.length, 20001)), axis=2).min(axis=1)
+    assert nearest.max() <= path.deviation[0] + 1e-3
+
+
 def test_orientation_turns_in_proportion_to_the_length() -> None:
     half = math.sqrt(0.5)
     path = scara(orientation=[[0, 0, 0, 1], [0, 0, -half, -half]])  # 90 degrees about z, the shorter way
@@ -276,6 +303,13 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     "points": (lambda: BlendedPath.through([[0, 0], [1, 0]], 0.1), InputError, r"\(N, 3\)"),
     "nan": (lambda: BlendedPath.through([[0.0, 0, 0], [math.nan, 0, 0]], 0.1), InputError, "finite"),
     "count": (lambda: BlendedPath.through(SQUARE, [0.1, 0.1, 0.1]), InputError, "has 2 corners"),
+    "fit of one": (lambda: BlendedPath.fit([[0, 0, 0]], 0.1), InputError, r"\(N, 3\)"),
+    "fit of none": (lambda: BlendedPath.fit(SQUARE, 0.0), InputError, "tolerance must be positive"),
+    "fit there and back": (
+        lambda: BlendedPath.fit([[0, 0, 0], [1, 0, 0], [0, 0, 0]], 1e-3),
+        PathError,
+        "turns straight back",
+    ),
     "gap": (
         lambda: BlendedPath([Line(np.zeros(3), np.ones(3)), Line(1.1 * np.ones(3), 3 * np.ones(3))], 0.1),
         PathError,
