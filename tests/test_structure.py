@@ -56,6 +56,11 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planners/blends/_passing_cost.py",
     ),
     "tests/planners/blends/test_blended_path.py": ("planners/blends/_path_kernels.py",),
+    "tests/planners/line_speed/test_limit_aware.py": (
+        "planners/line_speed/_path_samples.py",
+        "planners/line_speed/_speed_guess.py",
+        "planners/line_speed/_stations.py",
+    ),
     "tests/planners/cells/test_load.py": ("planners/cells/_arm_from_config.py",),
     "tests/envs/blend/test_env.py": (
         "planners/cells/_blend_families.py",

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from armtempo.configs.schema import CHOICE
 from armtempo.errors import ConfigError, brief, closest, printable
 
 # pydantic's words and ours, which are those of YAML
@@ -35,6 +36,7 @@ def config_error(source: Path, error: ValidationError, model: type[BaseModel]) -
 def _explain(complaint: ErrorDetails, model: type[BaseModel]) -> tuple[str, Any, str, str]:
     """Dotted key, value, what is wrong, what to do."""
     kind, loc, value = complaint["type"], complaint["loc"], complaint["input"]
+    loc = tuple(step for step in loc if not (isinstance(step, str) and step.startswith(CHOICE)))
     what = complaint["msg"].removeprefix("Value error, ")[:LONGEST_COMPLAINT]
     for theirs, ours in WORDING:
         what = re.sub(theirs, ours, what)

@@ -12,7 +12,7 @@ from armtempo.configs.schema._arm import (
     RobotConfig,
     ToolConfig,
 )
-from armtempo.configs.schema._base import CellTitle, FileModel, NonNegative, Positive, Real
+from armtempo.configs.schema._base import CHOICE, CellTitle, FileModel, NonNegative, Positive, Real
 from armtempo.configs.schema._blend import BlendCellConfig, LineSpeedConfig
 from armtempo.configs.schema._cell import CellFileConfig
 from armtempo.configs.schema._coordination import CellConfig
@@ -44,6 +44,7 @@ CELL_CONFIGS: Mapping[str, type[CellConfig] | type[BlendCellConfig] | type[IKCel
 """What a cell file may say, by its ``kind``."""
 
 __all__ = [
+    "CHOICE",
     "AnyCellConfig",
     "ArcConfig",
     "ArmConfig",

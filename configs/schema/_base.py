@@ -14,8 +14,10 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     StringConstraints,
+    Tag,
 )
 from pydantic_core import PydanticCustomError
 
@@ -53,6 +55,21 @@ Positive = Annotated[Real, Field(gt=0), AfterValidator(_not_tiny)]
 
 
 NonNegative = Annotated[Real, Field(ge=0)]
+
+
+CHOICE: Final = (
+    "<"  # begins what pydantic calls the choices of a key that takes either of two kinds; no key is so named
+)
+
+
+def _one_or_each(value: Any) -> str:
+    return "<each>" if isinstance(value, list | tuple) else "<one>"
+
+
+PerJoint = Annotated[
+    Annotated[Positive, Tag("<one>")] | Annotated[tuple[NonNegative, ...], Tag("<each>")],
+    Discriminator(_one_or_each),
+]
 
 
 Point = tuple[Real, Real, Real]

@@ -66,4 +66,5 @@ class BlendCellConfig(CellFileConfig):
             )
         if self.arm.path.blend is not None:
             raise ValueError("arm: its path has a blend of its own; give it beside the arm only")
+        self.blend.check_corners(len(self.arm.path.segments) - 1)
         return self

@@ -13,6 +13,7 @@ from pydantic import (
 from armtempo.configs.schema._base import (
     ZERO,
     FileModel,
+    PerJoint,
     Point,
     Positive,
     Real,
@@ -89,20 +90,24 @@ class SegmentConfig(FileModel):
 
 
 class BlendConfig(FileModel):
-    """How corners are rounded: all of them alike."""
+    """How corners are rounded."""
 
     curve: Literal["cubic", "quintic", "low-peak", "septic", "least-time"] = "cubic"
     """Family of the curve: the paper's ``cubic``; the others have no jump of curvature at any corner."""
     shape_factor: Annotated[Positive, Field(le=4)] = 3.0
     """End tangents of the cubic in remaining distances, at most 4; at 3 the curvature does not jump between lines."""
-    remaining_distance_m: Positive | None = None
-    """Length that a blend takes off each of its two segments [m]."""
-    tolerance_m: Positive | None = None
-    """Instead: how far the curve passes from the corner [m]."""
+    remaining_distance_m: PerJoint | None = None
+    """Length that a blend takes off each of its two segments [m]; with a tolerance, the most that it takes.
+
+    One number for all corners, or a list with one for each joint of two segments; 0 where they join smoothly.
+    """
+    tolerance_m: PerJoint | None = None
+    """The most that the path leaves a corner by [m]; less where the segments are too short for it. As above."""
 
     @model_validator(mode="after")
-    def _one_size(self) -> Self:
-        exactly_one(self, "a blend")
+    def _some_size(self) -> Self:
+        if self.remaining_distance_m is None and self.tolerance_m is None:
+            raise ValueError("a blend needs remaining_distance_m or tolerance_m, or both; got none")
         return self
 
     @model_validator(mode="after")
@@ -110,8 +115,22 @@ class BlendConfig(FileModel):
         if self.curve != "cubic" and self.shape_factor != 3.0:
             raise ValueError(f"shape_factor: belongs to curve 'cubic', not to {self.curve!r}; drop it")
         if self.curve == "least-time" and self.tolerance_m is None:
-            raise ValueError("tolerance_m: missing; curve 'least-time' needs it instead of remaining_distance_m")
+            raise ValueError("tolerance_m: missing; curve 'least-time' needs it")
         return self
+
+    def check_corners(self, count: int) -> None:
+        """Refuse lists that are not as long as the path has joints.
+
+        Raises:
+            ValueError: One of another length.
+        """
+        for key in ("remaining_distance_m", "tolerance_m"):
+            given = getattr(self, key)
+            if isinstance(given, tuple) and len(given) != count:
+                raise ValueError(
+                    f"blend: {key} has {len(given)} values, and {count + 1} segments have {count} joints "
+                    "(give one number, or one per joint)"
+                )
 
 
 class PathConfig(FileModel):
@@ -144,6 +163,8 @@ class PathConfig(FileModel):
         for key in ("start_rad", "blend"):
             if kind != "start_m" and getattr(self, key) is not None:
                 raise ValueError(f"{key}: belongs to start_m, not to {kind}")
+        if self.blend is not None:
+            self.blend.check_corners(len(self.segments) - 1)
         if self.blend is not None and self.blend.curve == "least-time":
             raise ValueError("blend: curve 'least-time' needs a line speed; use it in a cell of kind blend")
         return self

@@ -114,8 +114,8 @@ def blend(
         b: Segment that starts there.
         remaining_distance: Where the blend begins and ends, from the vertex along the segments [m]; or a pair.
         shape_factor: lambda of the cubic, in (0, 4].
-        tolerance: Instead: the distance from the vertex to the curve [m]. With both, the remaining distance is the most
-            that is taken (of a pair the smaller, on both sides), and the tolerance may not be used up.
+        tolerance: Instead: the most that the curve leaves the vertex by [m], used up where the segments are long
+            enough. With both, the remaining distance is the most that is taken (of a pair the smaller, on both sides).
         curve: ``cubic`` (Lee2006), ``quintic`` and ``low-peak`` (G2 for any pair), ``septic`` (G3), ``least-time`` (of
             all, the quickest to pass; needs ``tolerance`` and ``limits``), or shares of the inner control points, see
             ``_corners``.

@@ -19,12 +19,31 @@ from armtempo.planners.blends._blend import Blend, lengths_on, path_derivatives
 from armtempo.planners.blends._corners import Corners, arc_shapes, packed_segments, plan_corners
 from armtempo.planners.blends._families import Curve, PassingLimits
 from armtempo.planners.blends._path_kernels import ARC, LINE, PackedPath
-from armtempo.planners.geometry import SEGMENT_LENGTH_MIN, Arc, Line, floats
+from armtempo.planners.geometry import (
+    FIT_DEGREE,
+    SEGMENT_LENGTH_MIN,
+    Arc,
+    Line,
+    checked_tolerance,
+    floats,
+    smooth_fit,
+)
+
+FIT_SPEED_MIN = 1e-3  # of the chords' length: where a fitted curve is slower than that, it turns back
+
+
+def _points(points: ArrayLike) -> Floats:
+    vertices = floats(points, "points")
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 2 or not np.isfinite(vertices).all():
+        raise InputError(f"points must be (N, 3), N >= 2, and finite, got shape {vertices.shape}")
+    return vertices
 
 
 @final
 class BlendedPath:
     """Segments with their corners rounded.
+
+    ``through`` rounds a polyline, ``fit`` replaces one of many points.
 
     Segments that continue each other are joined as they are. Where two join smoothly but the curvature jumps (a line
     into an arc), they are blended like at a corner if a remaining distance is given there, and left as they are by
@@ -35,8 +54,10 @@ class BlendedPath:
         remaining_distance: From the vertex along the segments [m]: for all corners, per corner (n - 1,), or before and
             behind each (n - 1, 2).
         shape_factor: lambda of the cubic, for all corners or each.
-        tolerance: Instead: distance of the vertex from the path [m], for all corners or each. With both, the remaining
-            distance is the most that is taken, of a pair the smaller.
+        tolerance: Instead: the most that the path leaves the vertex by [m], for all corners or each. It is used up
+            where the segments are long enough: of a segment that two corners want more of than there is, each takes
+            half, or what the other leaves. With both, the remaining distance is the most that is taken, too, of a pair
+            the smaller.
         curve: As for ``blend``.
         limits: For ``curve="least-time"``.
         orientation: Of the tool, quaternions (x, y, z, w): one (4,) for all the way, or two (2, 4), between which it
@@ -46,15 +67,15 @@ class BlendedPath:
         length: Of the whole path [m].
         breakpoints: (K + 1,) lengths at which the K pieces join, with both ends [m].
         continuity: (K - 1,) order of geometric continuity at the interior ones: 1 tangent, 2 curvature, 3 its slope.
-        deviation: (n - 1,) distance of each vertex from its blend [m], 0 where nothing is blended.
-        remaining: (n - 1, 2) remaining distances [m], 0 where nothing is blended.
+        deviation: (n - 1,) distance of each vertex from its blend [m], 0 where nothing is blended; of a fit (1,).
+        remaining: (n - 1, 2) remaining distances [m], 0 where nothing is blended; of a fit (1, 2), 0.
         oriented: Whether an orientation was given.
         packed: The path in arrays, for ``blended_point``.
 
     Raises:
         InputError: A number that makes no sense, an unknown curve, a wrong shape.
-        PathError: A gap, a reversal, a blend longer than its segment, two blends that overlap; ``data`` has
-            ``segments`` and ``station`` (length along the segments to the corner) [m].
+        PathError: A gap, a reversal; by remaining distance a blend longer than its segment, two blends that overlap;
+            ``data`` has ``segments`` and ``station`` (length along the segments to the corner) [m].
     """
 
     length: float
@@ -104,9 +125,7 @@ class BlendedPath:
             InputError: As the class, and points of a wrong shape or not finite.
             PathError: As the class, and a point that is given twice in a row.
         """
-        vertices = floats(points, "points")
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 2 or not np.isfinite(vertices).all():
-            raise InputError(f"points must be (N, 3), N >= 2, and finite, got shape {vertices.shape}")
+        vertices = _points(points)
         steps = np.diff(vertices, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         if lengths.min() < SEGMENT_LENGTH_MIN:
@@ -123,6 +142,43 @@ class BlendedPath:
         )  # fmt: skip
         path = cls.__new__(cls)
         path._assemble(kind, shape, lengths, corners)
+        path._turn(orientation)
+        return path
+
+    @classmethod
+    def fit(cls, points: ArrayLike, tolerance: float, *, orientation: ArrayLike | None = None) -> Self:
+        """A smooth path near many points: chords of a CAM program, a recording. Few quintics that join C4 over chords.
+
+        The path starts at the first point and ends at the last; it is nowhere farther than ``tolerance`` from the
+        chords between neighbouring points, nor they from it: certified between the points, too, ``deviation`` (1,)
+        says how far at most. Where the points lie on something smooth it is far closer than that.
+
+        Args:
+            points: (N, 3) [m], N >= 2; the same one may be given again.
+            tolerance: [m]. More than the noise of a recording: what is noise beyond it is followed.
+            orientation: As the class.
+
+        Raises:
+            InputError: Points of a wrong shape or not finite, a tolerance that is not positive.
+            PathError: All points are the same; a place where the path turns straight back; no curve that near.
+        """
+        found = smooth_fit(_points(points), checked_tolerance(tolerance))
+        steps = np.diff(found.knots)
+        shape = np.zeros((len(steps), 8, 3))
+        shape[:, : FIT_DEGREE + 1] = found.coefficients * (steps[:, None] ** np.arange(FIT_DEGREE + 1))[..., None]
+        kind = np.full(len(steps), FIT_DEGREE, dtype=np.int64)
+        slowest = np.full(len(steps), np.inf)
+        kernels.slowest_speeds(shape, kind, np.ones((len(steps), 2)), slowest)
+        if (slowest < FIT_SPEED_MIN * steps).any():
+            k = int(np.argmin(slowest / steps))
+            raise PathError(
+                f"the path turns straight back at {shape[k, 0].tolist()}",
+                remedy="split it there into two, or give a larger tolerance",
+            )
+        path = cls.__new__(cls)
+        path._corner = np.zeros(len(steps), dtype=np.int64)
+        path.deviation, path.remaining = np.array([found.deviation]), np.zeros((1, 2))
+        path._pack(kind, shape, np.zeros(len(steps)))
         path._turn(orientation)
         return path
 
@@ -144,7 +200,11 @@ class BlendedPath:
         kinds[::2], shapes[::2], sizes[::2], kept[::2] = kind, trimmed, left, whole
         kinds[1::2], shapes[1::2], kept[1::2] = corners.degree, corners.curve, corners.remaining[:, 0] > 0.0
         corner = np.repeat(np.arange(count), 2)[: 2 * count - 1]
-        kinds, shapes, sizes, self._corner = kinds[kept], shapes[kept], sizes[kept], corner[kept]
+        self._corner, self.deviation, self.remaining = corner[kept], corners.deviation, corners.remaining
+        self._pack(kinds[kept], shapes[kept], sizes[kept])
+
+    def _pack(self, kinds: Ints, shapes: Floats, sizes: Floats) -> None:
+        """Join pieces (K,) as they are; sizes of polynomials are found."""
         first_panel, panel_start, panel_size, inverse = kernels.tabulate(kinds, shapes, sizes)
         breakpoints = np.concatenate([[0.0], np.cumsum(sizes)])
         self.packed = PackedPath(
@@ -159,7 +219,6 @@ class BlendedPath:
         continuity = np.zeros(len(kinds) - 1, dtype=np.int64)
         kernels.joint_orders(self.packed, continuity)
         self.length, self.breakpoints, self.continuity = float(breakpoints[-1]), breakpoints, continuity
-        self.deviation, self.remaining = corners.deviation, corners.remaining
         for array in (continuity, self.deviation, self.remaining):
             array.setflags(write=False)
         for array in self.packed:

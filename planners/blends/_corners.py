@@ -22,6 +22,7 @@ from armtempo.planners.geometry import SEGMENT_LENGTH_MIN, TANGENT_TOLERANCE, Ar
 
 CORNER_ANGLE_MIN = 1e-4  # [rad] a smaller interior angle counts as a reversal
 SEGMENT_GAP_MAX = 1e-6  # [m]
+COORDINATE_ROUNDING = 2e-15  # of coordinates: how far off a computed distance is
 CURVE_SPEED_MIN = 1e-5  # of the remaining distance: where |F'| is smaller, a blend stands still
 
 
@@ -92,7 +93,7 @@ def plan_corners(
             f"segments {k} and {k + 1} meet in a corner of {math.degrees(turn[k]):.4g} degrees",
             remedy="give remaining_distance or tolerance",
         )
-    most = np.full((count, 2), np.inf)
+    most, miss = np.full((count, 2), np.inf), np.full(count, np.inf)
     if remaining_distance is not None:
         most = per_corner("remaining_distance", remaining_distance, count, pairs=True)
     if tolerance is not None:
@@ -100,28 +101,26 @@ def plan_corners(
         if (miss[~smooth] <= 0.0).any():
             raise InputError("tolerance must be positive at every corner", remedy="give metres > 0")
         # blends reach as far to both sides, or the tolerance would not be that of the curve
-        most = np.repeat(most.min(axis=1, keepdims=True), 2, axis=1)
-        joined = straight | (smooth & ((miss <= 0.0) | (remaining_distance is None) | (most[:, 0] <= 0.0)))
+        reach = most.min(axis=1)
+        joined = straight | (smooth & ((miss <= 0.0) | (remaining_distance is None) | (reach <= 0.0)))
         if least_time:
-            most = np.minimum(most, _room(lengths)[:, None])
-            shares, degree = least_time_shares(kind, shape, lengths, miss, most[:, 0], joined, limits)
+            reach = np.minimum(reach, _room(lengths))
+            shares, degree = least_time_shares(kind, shape, lengths, miss, reach, joined, limits)
         else:
             shares, degree = curve_shares(curve, shape_factor, count)
-        reach = np.zeros(count)
-        kernels.corner_distances(kind, shape, lengths, shares, degree, miss, joined, reach)
-        if not (reach <= 1e10 * miss).all():
-            raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
-        remaining = np.minimum(reach[:, None], most)
+        reach = np.minimum(reach, _wanted(kind, shape, lengths, shares, degree, miss, joined))
+        remaining = np.repeat(_shared(reach, lengths)[:, None], 2, axis=1)
     elif least_time:
         raise InputError("curve 'least-time' needs a tolerance", remedy="give tolerance, in metres, and limits")
     else:
         shares, degree = curve_shares(curve, shape_factor, count)
         remaining = np.where(straight[:, None] | ~np.isfinite(most), 0.0, most)
-    _check_reach(remaining, smooth, turn, lengths, station, tolerance is not None)
+    _check_reach(remaining, smooth, turn, lengths, station)
     remaining[(remaining <= 0.0).any(axis=1)] = 0.0
     coefficients, deviation = np.zeros((count, 8, 3)), np.zeros(count)
     kernels.corner_blends(kind, shape, lengths, remaining, shares, degree, coefficients, deviation)
-    _check_curves(coefficients, degree, remaining, deviation, station, None if tolerance is None else miss)
+    rounding = COORDINATE_ROUNDING * (np.abs(shape[1:, 0]).max(axis=1, initial=0.0) + lengths[1:])
+    _check_curves(coefficients, degree, remaining, deviation, station, miss * (1.0 + 1e-9) + rounding)
     return Corners(
         remaining=remaining, shares=shares, degree=degree, curve=coefficients, deviation=deviation, turn=turn
     )
@@ -134,8 +133,31 @@ def _room(lengths: Floats) -> Floats:
     return np.minimum(room[:-1], room[1:])
 
 
+def _wanted(
+    kind: Ints, shape: Floats, lengths: Floats, shares: Floats, degree: Ints, tolerance: Floats, joined: Bools
+) -> Floats:
+    """How far blends must reach to use up the tolerances (C,) [m], however long the segments; 0 where ``joined``."""
+    reach = np.zeros(len(tolerance))
+    kernels.corner_distances(kind, shape, lengths, shares, degree, tolerance, joined, reach)
+    if not (reach <= 1e10 * tolerance).all():
+        raise InputError("this curve passes through the vertex at any size", remedy="give remaining_distance")
+    return reach
+
+
+def _shared(wanted: Floats, lengths: Floats) -> Floats:
+    """What corners take that want so much of both segments (C,), where two of them want more than there is [m].
+
+    Half of an inner segment, or what the other corner leaves of it: as far as each corner wants, no farther.
+    """
+    left, right = np.full(len(wanted), lengths[0]), np.full(len(wanted), lengths[-1])
+    inner = lengths[1:-1]
+    right[:-1] = np.maximum(0.5 * inner, inner - wanted[1:])
+    left[1:] = np.maximum(0.5 * inner, inner - wanted[:-1])
+    return np.minimum(wanted, np.minimum(left, right))
+
+
 def _check_curves(
-    coefficients: Floats, degree: Ints, remaining: Floats, deviation: Floats, station: Floats, tolerance: Floats | None
+    coefficients: Floats, degree: Ints, remaining: Floats, deviation: Floats, station: Floats, tolerance: Floats
 ) -> None:
     """Refuse blends that stand still somewhere, and those that miss the tolerance after all."""
     slowest = np.full(len(degree), np.inf)
@@ -148,9 +170,7 @@ def _check_curves(
             f"{slowest[k]:.3g} m",
             remedy="give other shares, or a named curve",
         )
-    if tolerance is None:
-        return
-    missed = (remaining[:, 0] > 0.0) & (deviation > tolerance * (1.0 + 1e-9))
+    missed = (remaining[:, 0] > 0.0) & (deviation > tolerance)
     if missed.any():
         k = int(np.argmax(missed))
         raise PathError(
@@ -187,9 +207,7 @@ def _turns(before: Floats, after: Floats, station: Floats) -> Floats:
     return np.asarray(turn)
 
 
-def _check_reach(
-    remaining: Floats, smooth: Bools, turn: Floats, lengths: Floats, station: Floats, by_tolerance: bool
-) -> None:
+def _check_reach(remaining: Floats, smooth: Bools, turn: Floats, lengths: Floats, station: Floats) -> None:
     """Refuse corners without a blend, blends longer than their segment, and two that overlap."""
     bare = ~smooth & (remaining <= 0.0).any(axis=1)
     if bare.any():
@@ -201,11 +219,7 @@ def _check_reach(
             station=float(station[k]),
             segments=(k, k + 1),
         )
-    remedy = (
-        "lower the tolerance, or give remaining_distance too, as the most a blend may take"
-        if by_tolerance
-        else "lower the remaining distance"
-    )
+    remedy = "lower the remaining distance, or give a tolerance: then it is the most that is taken"
     for side, segment_lengths in ((0, lengths[:-1]), (1, lengths[1:])):
         long = remaining[:, side] > segment_lengths + SEGMENT_LENGTH_MIN
         if long.any():

@@ -69,6 +69,8 @@ def draw_path(
     ring, load = _ring(cell), max(LOAD_SHARE_MAX, _demand(cell).torque_ratio_max)
     by_size = change_blend(cell.config, **blend).blend.curve != "least-time"
     given = cell.config.blend.remaining_distance_m
+    if isinstance(given, tuple):  # those of other corners
+        given = None
     for _ in range(MOST_DRAWS):
         points = _zigzag(cell, random, ring) if family == "zigzag" else _walk(cell, random, ring, family)
         size = float(random.uniform(*BLEND_SHARE_RANGE))

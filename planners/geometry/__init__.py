@@ -16,9 +16,14 @@ from armtempo.planners.geometry._pose_matrix import pose_matrix, rpy_matrix
 from armtempo.planners.geometry._pose_motions import JointMotion, harmonic, smooth_step, through_poses
 from armtempo.planners.geometry._pose_target import Motion, PoseTarget
 from armtempo.planners.geometry._range_max import RangeMax
+from armtempo.planners.geometry._smooth_fit import FIT_DEGREE, SmoothFit, checked_tolerance, smooth_fit
 from armtempo.planners.geometry._waypoint_file import read_waypoints
 
 __all__ = [
+    "FIT_DEGREE",
+    "SmoothFit",
+    "checked_tolerance",
+    "smooth_fit",
     "Arc",
     "CartesianPath",
     "JointMotion",

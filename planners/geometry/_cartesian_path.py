@@ -22,6 +22,9 @@ NUMBER_MAX = 1e12  # of what is given as a number: powers of it must not overflo
 COORDINATE_MAX = 1e9  # [m] centres of flat arcs are far away
 SEGMENT_LENGTH_MIN = 1e-9  # [m] a segment that is shorter is none
 ARC_FLATNESS_MIN = 1e-6  # the size of three points over the diameter of their circle, below which they are a line
+ARC_ROUNDING, ARC_ROUNDING_SHARE = 7.5e-6, 0.02  # [m] by which radii may differ: three points to 1e-4 inch, unless tiny
+ARC_SHARE, ARC_OFF_MAX = 1e-3, 5e-4  # or this share of the radius, up to so much [m], as machine controllers have it
+ARC_SHIFT_SHARE_MAX = 0.25  # of the radius, by which a centre may move to be as far from both ends
 TANGENT_TOLERANCE = 1e-6  # [rad] largest corner that passes for a smooth joint (rounded coordinates in a cell file)
 
 
@@ -120,6 +123,28 @@ class Line:
         return Line(*self.evaluate([low, high])[0])
 
 
+def _centered(start: Floats, end: Floats, center: Floats) -> Floats:
+    """The centre of an arc, moved along the chord to the same distance from both ends if it is off by rounding.
+
+    Raises:
+        PathError: It is farther off.
+    """
+    before, after = float(np.linalg.norm(start - center)), float(np.linalg.norm(end - center))
+    off, radius = abs(after - before), min(before, after)
+    rounding = max(min(ARC_ROUNDING, ARC_ROUNDING_SHARE * radius), min(ARC_SHARE * radius, ARC_OFF_MAX))
+    if radius < SEGMENT_LENGTH_MIN or off > rounding:
+        raise PathError(
+            f"arc centre {center.tolist()} is {before:.6g} m from its start but {after:.6g} m from its end",
+            remedy="give a centre at equal distances from both",
+        )
+    chord = end - start
+    size = float(np.linalg.norm(chord))
+    if off <= 1e-9 * radius or size * ARC_SHIFT_SHARE_MAX * radius < off * before:  # nearly a whole turn: no one circle
+        return center
+    along = chord / size
+    return np.asarray(center - ((center - 0.5 * (start + end)) @ along) * along)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc:
     """Circular arc about a centre, the shorter of the two unless ``normal`` is given.
@@ -127,12 +152,15 @@ class Arc:
     Args:
         start: First point (3,) [m].
         end: Last point (3,) [m], at the same distance from the centre.
-        center: Centre of the circle (3,) [m].
+        center: Centre of the circle (3,) [m]. Coordinates may be rounded as machine programs round them: if its
+            distances from both points differ by up to 7.5 um (three points to 1e-4 inch), or by 0.1 % and up to
+            0.5 mm, it is moved to the same distance from both, ``center_shift`` [m] says how far.
         normal: Axis (3,) about which the arc turns counter-clockwise; needed for a half circle, and for arcs that are
             longer than one.
 
     Raises:
-        PathError: Radii differ by more than rounded coordinates do, the arc has no length, or its plane is open.
+        PathError: Radii differ by more than that, or by more than 2 % of a tiny one; the arc has no length, or its
+            plane is open.
     """
 
     start: Floats
@@ -142,20 +170,17 @@ class Arc:
     length: float = field(init=False)
     radius: float = field(init=False)
     angle: float = field(init=False)
+    center_shift: float = field(init=False)
     _axes: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         for name in ("start", "end", "center"):
             object.__setattr__(self, name, _point(getattr(self, name), f"{name} of an arc"))
+        given = self.center
+        object.__setattr__(self, "center", _point(_centered(self.start, self.end, given), "center of an arc"))
+        object.__setattr__(self, "center_shift", float(np.linalg.norm(self.center - given)))
         a, b = self.start - self.center, self.end - self.center
         radius = float(np.linalg.norm(a))
-        rounding = max(1e-6 * radius, min(2e-6, 1e-3 * radius))  # coordinates to the micrometre, unless tiny
-        if radius < SEGMENT_LENGTH_MIN or abs(float(np.linalg.norm(b)) - radius) > rounding:
-            raise PathError(
-                f"arc centre {self.center.tolist()} is {radius:.6g} m from its start but "
-                f"{float(np.linalg.norm(b)):.6g} m from its end",
-                remedy="give a centre at equal distances from both",
-            )
         normal = np.cross(a, b) if self.normal is None else _point(self.normal, "normal of an arc")
         size = float(np.linalg.norm(normal))
         if size < (1e-5 * radius**2 if self.normal is None else 1e-9):  # rounded coordinates do not choose a side

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
 from armtempo.planners.joint_paths._construct import JointPath
+from armtempo.planners.joint_paths._fitted_path import FittedPath
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import PlanarPair
 from armtempo.planners.joint_paths._pose_path import PosePath, Poses, TipPosePath
@@ -14,6 +15,7 @@ from armtempo.planners.joint_paths._waypoint_path import WaypointPath
 __all__ = [
     "AbstractJointPath",
     "CartesianJointPath",
+    "FittedPath",
     "JointPath",
     "PlanarPair",
     "PosePath",

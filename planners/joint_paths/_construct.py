@@ -11,6 +11,7 @@ from armtempo.errors import InputError
 from armtempo.planners.blends import BlendedPath
 from armtempo.planners.geometry import Arc, CartesianPath, Line, read_waypoints
 from armtempo.planners.joint_paths._cartesian_joint_path import CartesianJointPath
+from armtempo.planners.joint_paths._fitted_path import FittedPath
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import Elbow
 from armtempo.planners.joint_paths._pose_path import PosePath, TipSegments
@@ -21,7 +22,7 @@ from armtempo.robots import Arm
 
 
 class JointPath(AbstractJointPath):
-    """A path of an arm in joint space, and how to make one: ``through``, ``from_file``, ``along``.
+    """A path of an arm in joint space, and how to make one: ``through``, ``from_file``, ``fit``, ``along``.
 
     A path of your own is a subclass with ``length``, ``dof``, ``breakpoints``, ``evaluate`` and ``speed_bound``.
     """
@@ -68,6 +69,20 @@ class JointPath(AbstractJointPath):
         """
         waypoints = read_waypoints(Path(file), None if arm is None else arm.joint_names)
         return JointPath.through(waypoints, arm=arm, ends=ends, spacing=spacing)
+
+    @staticmethod
+    def fit(points: ArrayLike, tolerance: float, *, arm: Arm | None = None) -> FittedPath:
+        """A smooth path near thousands of recorded joint positions (N, n) [rad or m]: few quintics that join C4.
+
+        It starts at the first point and ends at the last; between, it leaves the chords of the points by at most
+        ``tolerance`` (the length of the difference in joint space), certified between the points, too. Give more than
+        the noise: what is noise beyond the tolerance is followed.
+
+        Raises:
+            InputError: Wrong shape, NaN, fewer than 2 points, a tolerance that is not positive.
+            PathError: All points are the same; a position beyond the arm's limits; ``data`` says where and which joint.
+        """
+        return FittedPath(points, tolerance, arm=arm)
 
     @staticmethod
     def along(

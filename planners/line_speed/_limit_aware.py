@@ -8,6 +8,10 @@ so all limits are convex in ``x`` but ``|L[x]| <= jerk x^(-1/2)``. Its right sid
 ``x_k > 0`` lies below it, and what keeps the tangent keeps the limit. Each round is a second-order cone program with
 the tangents taken at the solution before (the convex-concave procedure); all are feasible, and the time only falls.
 
+The time is taken to second order there, and the first tangents at a motion that corners of any sharpness allow,
+nearly (``_speed_guess``): from elsewhere, and with knots too far apart for what bends, the same rounds come to far
+slower motions.
+
 ``x`` is a C1 cubic between knots, and ``x ~ s^(4/3)`` (constant jerk) next to a rest. The result becomes quintics in
 time through ``(s, v, a)`` at the knots, and is slowed as a whole by what a dense sampling of the true limits asks.
 """
@@ -25,26 +29,28 @@ import numpy as np
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners.line_speed._profile import (
+    ROUNDING,
     LineSpeedLimits,
     LineSpeedProfile,
+    on_own_side,
     path_quantities,
     peaks,
     profile_states,
     shares,
 )
+from armtempo.planners.line_speed._speed_guess import guessed_squares, square_caps
+from armtempo.planners.line_speed._stations import stations
 
 ROUNDS_MAX = 12
-ROUND_GAIN_MIN = 1e-3  # a round that gains less, as a share of the time, is the last
+ROUND_GAIN_MIN = 2e-3  # a round that gains less, as a share of the time, is the last
 LIMIT_POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
-CURVATURE_MIN = 1e-9  # [1/m] times the length of a piece: less is straight
-EVEN_SAMPLES, END_SAMPLES = 201, 40  # samples of a piece, and towards each of its ends, by which its knots are laid
-INTERVALS_PER_BLEND, INTERVALS_PER_RAMP, INTERVALS_PER_E_FOLD = 9, 7, 2
-NEAR_REST = 0.25  # of the distance to a rest: the longest interval there
-TRIMS_MAX = 3
+TRIMS_MAX = 4
 QUINTICS_PER_INTERVAL = 2
 SAMPLES_PER_QUINTIC = 12  # both ends included
 PEAK_CLOSENESS = 2e-3  # of the largest sample: a peak between samples is higher than they by less
-SLOWING_MARGIN_SHARE = 1e-6  # of the final slowing, for what lies between the samples
+SLOWING_MARGIN = 1e-6  # of the final slowing, for what lies between the samples
+BEND_ROUNDING = 1e-14  # of the length times the curvature: the share of the jerk that is left for rounding
+RATIO_SLACK = 1e-6  # what a certificate may be above 1
 GAUSS_NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
 GAUSS_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(8)[1]
 
@@ -62,7 +68,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
 
     Raises:
         InputError: Limits or a path of another kind.
-        InfeasibleError: The program of some part could not be solved.
+        InfeasibleError: The program of some part could not be solved, or what came out breaks a limit.
     """
     if not isinstance(limits, LineSpeedLimits):
         raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
@@ -75,9 +81,36 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
         knots.append(now + times[1:])
         rows.append(coefficients)
         now = float(knots[-1][-1])
-    return LineSpeedProfile(
-        knots=np.concatenate(knots), coefficients=np.concatenate(rows), limits=limits, path=path, length=path.length
+    return _certified(
+        LineSpeedProfile(
+            knots=np.concatenate(knots), coefficients=np.concatenate(rows), limits=limits, path=path, length=path.length
+        )
     )
+
+
+def _certified(profile: LineSpeedProfile) -> LineSpeedProfile:
+    """The profile, slowed by what its certificate still asks for.
+
+    Raises:
+        InfeasibleError: It asks for more than a limit, or runs back, all the same.
+    """
+    for _ in range(TRIMS_MAX):
+        said = profile.certificate
+        if said.ratio_max <= 1.0 + RATIO_SLACK:
+            break
+        pull = max(said.acceleration_ratio_max, said.normal_ratio_max)
+        slower = max(said.speed_ratio_max, math.sqrt(pull), math.cbrt(said.jerk_ratio_max)) * (1.0 + SLOWING_MARGIN)
+        profile = replace(
+            profile, knots=profile.knots * slower, coefficients=profile.coefficients / slower ** np.arange(6)
+        )
+    said = profile.certificate
+    if not (said.ratio_max <= 1.0 + RATIO_SLACK and said.lowest_speed >= -RATIO_SLACK * profile.limits.speed):
+        raise InfeasibleError(
+            f"the motion found asks for {said.ratio_max:.6g} times a limit, and its speed comes down to "
+            f"{said.lowest_speed:.3g} m/s: numbers too far apart",
+            remedy="blend corners by more, or bring the limits closer together",
+        )
+    return profile
 
 
 def _stops(path: Any) -> Floats:
@@ -96,7 +129,7 @@ def _stops(path: Any) -> Floats:
 
 def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float) -> tuple[Floats, Floats]:
     """Times from 0 and quintics of the motion between two rests."""
-    program = _Program.build(path, limits, _stations(path, limits, start, end))
+    program = _Program.build(path, limits, stations(path, limits, start, end))
     unknowns = program.solve()
     times, coefficients, over = _motion(path, program, unknowns)
     for _ in range(TRIMS_MAX):  # ask for a little less where the limits are exceeded between the points
@@ -104,53 +137,20 @@ def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float)
             break
         program = program.tightened(over)
         unknowns = program.round(program.values(unknowns)[0])
-        trimmed = _motion(path, program, unknowns)
-        if trimmed[0][-1] < times[-1]:
-            times, coefficients, over = trimmed
+        trimmed, rows, over = _motion(path, program, unknowns)
+        if trimmed[-1] < times[-1]:
+            times, coefficients = trimmed, rows
     return times, coefficients
 
 
 def _motion(path: Any, program: _Program, unknowns: Floats) -> tuple[Floats, Floats, Floats]:
     """The motion as quintics in time, slowed until it keeps the limits; what it asked before, (2, K) by interval."""
-    s, v, a, steps = program.rows(unknowns)
-    coefficients = _quintics(s, v, a, steps)
+    s, way, v, a, steps = program.rows(unknowns)
+    coefficients = _quintics(s, way, v, a, steps)
     times = np.concatenate([[0.0], np.cumsum(steps)])
     slower, worst = _slowing(path, program.limits, times, coefficients)
     first = np.concatenate([[0], np.arange(1, len(steps) - 1, QUINTICS_PER_INTERVAL), [len(steps) - 1]])
     return times * slower, coefficients / slower ** np.arange(6), np.maximum.reduceat(worst, first, axis=1)
-
-
-def _stations(path: Any, limits: LineSpeedLimits, start: float, end: float) -> Floats:
-    """Knots from rest to rest: at the breakpoints, dense in blends, near stops and over ramps."""
-    inner = np.asarray(getattr(path, "breakpoints", []), dtype=np.float64)
-    marks = np.concatenate([[start], inner[(inner > start) & (inner < end)], [end]])
-    speed, acceleration, jerk = limits.speed, limits.acceleration, limits.jerk
-    swing = min(acceleration / jerk, math.sqrt(speed / jerk))  # [s] of a jerk
-    ramp = 0.5 * speed * (speed / min(acceleration, math.sqrt(speed * jerk)) + swing)
-    first = max(0.25 * min(jerk * swing**3 / 6.0, (end - start) / 12.0), 1e-4 * (end - start))
-    marks = np.concatenate([[start + first], marks[(marks > start + first) & (marks < end - first)], [end - first]])
-    closer = np.geomspace(1e-6, 1.0 / (EVEN_SAMPLES - 1), END_SAMPLES + 2)[1:-1]
-    share = np.concatenate([np.linspace(1e-6, 1.0 - 1e-6, EVEN_SAMPLES), closer, 1.0 - closer])
-    s = marks[:-1, None] + np.diff(marks)[:, None] * np.sort(share)  # (pieces, samples)
-    bend = np.linalg.norm(path.derivatives(s)[2], axis=-1)
-    cap = np.minimum(speed**2, limits.normal / np.maximum(bend, 1e-300))
-    change = np.abs(np.gradient(np.log(_guess(limits, s, cap, np.array([start, end])).ravel()), s.ravel()))
-    stations = [np.array([start, start + first])]
-    for k, (low, high) in enumerate(pairwise(marks)):
-        length = high - low
-        from_end = np.minimum(s[k] - low, high - s[k])
-        spacing = np.minimum(ramp / INTERVALS_PER_RAMP + 0.5 * np.maximum(from_end - ramp, 0.0), length / 4.0)
-        if bend[k].max() * length > CURVATURE_MIN:
-            spacing = np.minimum(spacing, 2.0 * length / INTERVALS_PER_BLEND / (1.0 + bend[k] / bend[k].mean()))
-        spacing = np.minimum(spacing, 1.0 / (INTERVALS_PER_E_FOLD * change.reshape(s.shape)[k] + 1e-9 / length))
-        spacing = np.minimum(spacing, NEAR_REST * np.minimum(s[k] - start, end - s[k]))
-        density = 0.5 * (1.0 / spacing[1:] + 1.0 / spacing[:-1])
-        count = np.concatenate([[0.0], np.cumsum(density * np.diff(s[k]))])
-        inside = np.interp(np.linspace(0.0, count[-1], math.ceil(count[-1]) + 1)[1:], count, s[k])
-        inside[-1] = high
-        stations.append(inside)
-    stations.append(np.array([end]))
-    return np.concatenate(stations)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,10 +188,12 @@ class _Program:
         steps = np.diff(stations)
         s = stations[:-1, None] + LIMIT_POINTS * steps[:, None]
         _, d1, d2, d3 = path.derivatives(s)
-        cap = np.minimum(limits.speed**2, limits.normal / np.maximum(np.linalg.norm(d2, axis=-1), 1e-300))
-        guess = _guess(limits, s, cap, stations)
+        cap = square_caps(limits, d2)
+        guess = guessed_squares(path, limits, s, stations[[0, -1]])
         at_knots = np.concatenate([[1.0], guess[1:, 0], [1.0]])
         near = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))
+        # what a bend asks for that is hardly longer than the rounding of lengths is not known better, and slows later
+        rounding = BEND_ROUNDING * path.length * np.linalg.norm(d2, axis=-1).max(axis=1)
         scale = np.stack([at_knots, at_knots / near], axis=1)
         weights = np.array([1.0, 4.0, 1.0]) / 6.0 * steps[:, None]
         weights[0], weights[-1] = [0.0, 0.0, 3.0 * steps[0]], [3.0 * steps[-1], 0.0, 0.0]  # t = 3 s / v
@@ -209,7 +211,7 @@ class _Program:
             weights=weights,
             guess=guess,
             cap=cap,
-            jerk=np.full(len(steps), limits.jerk),
+            jerk=limits.jerk / (1.0 + rounding),
             bend=np.stack([d3, 1.5 * d2, 0.5 * d1], axis=-2),
         )
 
@@ -220,14 +222,14 @@ class _Program:
 
     @cached_property
     def hulls(self) -> tuple[Floats, Floats]:
-        """(K, 2, 4) inner control values of x over speed^2, and first two of x' over its limit: hulls of both."""
+        """(K, 2, 4) inner control values of x over its largest cap, and first two of x' over its limit: hulls."""
         h = np.diff(self.stations)[:, None]
         scale = np.concatenate([self.scale[:-1], self.scale[1:]], axis=1)
         zero = np.zeros_like(h)
         first = np.concatenate([zero + 1.0, h / 3.0, zero, zero], axis=1) * scale
         second = np.concatenate([zero, zero, zero + 1.0, -h / 3.0], axis=1) * scale
         start = np.concatenate([zero, zero + 1.0, zero, zero], axis=1) * scale
-        values = np.stack([first, second], axis=1) / self.limits.speed**2
+        values = np.stack([first, second], axis=1) / self.cap.max(axis=1)[:, None, None]
         slopes = np.stack([start, 3.0 * (second - first) / h], axis=1) / (2.0 * self.limits.acceleration)
         ends = [0, -1]  # constant jerk: largest at the knot, which the neighbour asks for, or the jerk
         values[ends] = 0.0
@@ -273,18 +275,50 @@ class _Program:
         from clarabel import clarabel  # type: ignore[attr-defined, unused-ignore]
         from scipy import sparse
 
+        rows, of, right, cones = self._limits(reference)
+        flat = len(rows) - 4 * cones
+        # the time to second order about the reference, over what makes its slope 1
+        curve = np.sqrt(0.75 * self.weights / reference**2.5)[..., None] * self.basis[0]
+        gain = (1.25 * self.weights / reference**1.5)[..., None] * self.basis[0]
+        every = np.repeat(np.arange(len(gain)), gain.shape[1])
+        worth = self.free.T @ np.asarray(self._matrix(gain.reshape(-1, 4), every).sum(axis=0)).ravel()
+        scale = np.abs(worth).sum()
+        root = self._matrix(curve.reshape(-1, 4), every) @ self.free
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = 1e-6
+        settings.tol_feas = 1e-8
+        solution = clarabel.DefaultSolver(
+            sparse.triu(root.T @ root / scale, format="csc"),
+            -worth / scale,
+            (self._matrix(rows, of) @ self.free).tocsc(),
+            right,
+            [clarabel.NonnegativeConeT(flat)] + [clarabel.SecondOrderConeT(4)] * cones,
+            settings,
+        ).solve()
+        unknowns = np.array(solution.x)
+        if not np.isfinite(unknowns).all():
+            raise InfeasibleError(
+                f"no motion within the limits was found: clarabel says {solution.status}",
+                remedy="bring limits closer together",
+            )
+        return unknowns
+
+    def _matrix(self, rows: Floats, of: Ints) -> Any:
+        """Rows (R, 4) that belong to intervals ``of`` (R,), by all unknowns at the knots."""
+        from scipy import sparse
+
+        columns, start = 2 * of[:, None] + np.arange(4), 4 * np.arange(len(rows) + 1)
+        return sparse.csr_matrix((rows.ravel(), columns.ravel(), start), shape=(len(rows), self.free.shape[0]))
+
+    def _limits(self, reference: Floats) -> tuple[Floats, Ints, Floats, int]:
+        """Rows (R, 4), their intervals, right sides (R,); the last are cones of four rows: how many."""
         basis = self.basis
         intervals = len(basis[0])
-        columns = 2 * np.arange(intervals)[:, None] + np.arange(4)
-
-        def matrix(rows: Floats, of: Ints) -> Any:
-            """Rows (R, 4) that belong to intervals ``of`` (R,)."""
-            start = 4 * np.arange(len(rows) + 1)
-            return sparse.csr_matrix((rows.ravel(), columns[of].ravel(), start), shape=(len(rows), 2 * intervals + 2))
-
         interval = np.broadcast_to(np.arange(intervals)[:, None], reference.shape)
         x = basis[0, :, :2]
-        speed, slope = self.hulls
+        values, slope = self.hulls
         size = (np.sqrt(reference) / self.jerk[:, None])[..., None]
         tangent = basis[0] / (2.0 * reference[..., None])  # sqrt(reference) / jerk |L[x]| <= 3/2 - tangent
         curved = np.abs(self.bend[:, :, :2]).max(axis=(2, 3)) > 0.0
@@ -294,8 +328,8 @@ class _Program:
         linear = [
             ((x / self.cap[:, :2, None]).reshape(-1, 4), at, 1.0),
             (-(basis[0, :, 0] / self.guess[:, :1])[1:], np.arange(1, intervals), 0.0),
-            (speed.reshape(-1, 4), at, 1.0),
-            ((-speed * (self.limits.speed**2 / self.guess[:, :1, None])).reshape(-1, 4), at, 0.0),
+            (values.reshape(-1, 4), at, 1.0),
+            ((-values * (self.cap.max(axis=1) / self.guess[:, 0])[:, None, None]).reshape(-1, 4), at, 0.0),
             (slope.reshape(-1, 4), at, 1.0),
             (-slope.reshape(-1, 4), at, 1.0),
             (tangent[~curved] + along, plain, 1.5),
@@ -307,28 +341,10 @@ class _Program:
         right = np.concatenate(
             [np.full(len(part[0]), part[2]) for part in linear] + [np.tile([1.5, 0.0, 0.0, 0.0], len(cone))]
         )
-        flat = sum(len(part[0]) for part in linear)
-        cones = [clarabel.NonnegativeConeT(flat)] + [clarabel.SecondOrderConeT(4)] * len(cone)
-        gain = (self.weights / (2.0 * reference**1.5))[..., None] * basis[0]
-        worth = self.free.T @ np.asarray(matrix(gain.reshape(-1, 4), interval.ravel()).sum(axis=0)).ravel()
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = 1e-6
-        settings.tol_feas = 1e-8
-        empty = sparse.csc_matrix((len(worth), len(worth)))
-        a = (matrix(rows, of) @ self.free).tocsc()
-        solution = clarabel.DefaultSolver(empty, -worth / np.abs(worth).sum(), a, right, cones, settings).solve()
-        unknowns = np.array(solution.x)
-        if not np.isfinite(unknowns).all():
-            raise InfeasibleError(
-                f"no motion within the limits was found: clarabel says {solution.status}",
-                remedy="bring limits closer together",
-            )
-        return unknowns
+        return rows, of, right, len(cone)
 
-    def rows(self, unknowns: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Length, speed and acceleration at fine knots (M+1,), and the times between them (M,)."""
+    def rows(self, unknowns: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Of M fine steps: length at the start and way (M,), speed and acceleration at both ends (M+1,), time (M,)."""
         local = self.free @ unknowns
         steps = np.diff(self.stations)
         share = np.arange(QUINTICS_PER_INTERVAL) / QUINTICS_PER_INTERVAL
@@ -342,23 +358,16 @@ class _Program:
         inside = slice(1, -1)  # of the first and the last interval only the ends: there the jerk is constant
         v = np.sqrt(x[inside]).ravel()
         leave, arrive = v[0], math.sqrt(x[-1, 0])
+        # not as differences of rounded lengths: in a blend of nanometres they would ask for a jerk
+        fine = np.repeat(steps[inside] / QUINTICS_PER_INTERVAL, QUINTICS_PER_INTERVAL)
+        ways = np.concatenate([steps[:1], fine, steps[-1:]])
         return (
-            np.concatenate([[self.stations[0]], s[inside].ravel(), self.stations[-2:]]),
+            np.concatenate([self.stations[:1], s[inside].ravel(), self.stations[-2:-1]]),
+            ways,
             np.concatenate([[0.0], v, [arrive, 0.0]]),
             np.concatenate([[0.0], 0.5 * slope[inside].ravel(), [0.5 * slope[-1, 0], 0.0]]),
             np.concatenate([[3.0 * steps[0] / leave], times[inside].ravel(), [3.0 * steps[-1] / arrive]]),
         )
-
-
-def _guess(limits: LineSpeedLimits, s: Floats, cap: Floats, stations: Floats) -> Floats:
-    """(K, P) what cap and acceleration allow, and the jerk from rest."""
-    flat = s.ravel()
-    rise = 2.0 * limits.acceleration * flat
-    x = rise + np.minimum.accumulate(cap.ravel() - rise)
-    x = np.minimum.accumulate((x + rise)[::-1])[::-1] - rise
-    for away in (flat - stations[0], stations[-1] - flat):
-        x = np.minimum(x, (4.5 * limits.jerk) ** (2.0 / 3.0) * away ** (4.0 / 3.0))
-    return np.asarray(x.reshape(s.shape))
 
 
 def _basis(stations: Floats, scale: Floats, share: Floats) -> Floats:
@@ -387,15 +396,15 @@ def _values(basis: Floats, unknowns: Floats) -> Floats:
     return np.asarray(np.einsum("dksc,kc->dks", basis, np.concatenate([pairs[:-1], pairs[1:]], axis=1)))
 
 
-def _quintics(s: Floats, v: Floats, a: Floats, steps: Floats) -> Floats:
+def _quintics(s: Floats, way: Floats, v: Floats, a: Floats, steps: Floats) -> Floats:
     """(M, 6) polynomials through length, speed and acceleration at both ends of every step."""
     h = steps
-    position = s[1:] - s[:-1] - v[:-1] * h - 0.5 * a[:-1] * h**2
+    position = way - v[:-1] * h - 0.5 * a[:-1] * h**2
     speed = v[1:] - v[:-1] - a[:-1] * h
     acceleration = a[1:] - a[:-1]
     return np.stack(
         [
-            s[:-1],
+            s,
             v[:-1],
             0.5 * a[:-1],
             (10.0 * position - 4.0 * speed * h + 0.5 * acceleration * h**2) / h**3,
@@ -408,16 +417,22 @@ def _quintics(s: Floats, v: Floats, a: Floats, steps: Floats) -> Floats:
 
 def _slowing(path: Any, limits: LineSpeedLimits, knots: Floats, coefficients: Floats) -> tuple[float, Floats]:
     """By how much time must stretch for the true limits to hold; by normal acceleration and jerk for each piece."""
+    end = np.polynomial.polynomial.polyval(knots[-1] - knots[-2], coefficients[-1])
+    lengths = np.append(coefficients[:, 0], end)
 
     def stretches(t: Floats) -> Floats:
         out = np.empty((4, t.size))
         profile_states(knots, coefficients, t.ravel(), out)
         s, v, a, j = out.reshape(4, *t.shape)
+        s = on_own_side(s, t, knots, lengths)
         tangential, normal, jerk = path_quantities(path, s, v, a, j)
         plain = np.maximum(v / limits.speed, np.sqrt(tangential / limits.acceleration))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bend = np.where(v > 0.0, normal / (v * v), 0.0)
+        jerk = jerk * (1.0 + ROUNDING * lengths[-1] * bend)  # as lengths are rounded
         return np.stack([plain, np.sqrt(normal / limits.normal), np.cbrt(jerk / limits.jerk)])
 
     sampled = stretches(knots[:-1, None] + shares(SAMPLES_PER_QUINTIC) * np.diff(knots)[:, None])
     # a peak of any kind may be higher between samples than all others at them
     worst = peaks(stretches, knots, sampled, np.full(3, sampled.max()), PEAK_CLOSENESS).max()
-    return float(worst) * (1.0 + SLOWING_MARGIN_SHARE), sampled[1:].max(axis=2)
+    return float(worst) * (1.0 + SLOWING_MARGIN), sampled[1:].max(axis=2)

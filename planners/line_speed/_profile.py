@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.geometry import number
+from armtempo.planners.line_speed._path_samples import path_marks, path_samples
 from armtempo.robots import njit
 
 Reading = Literal["peak", "mean"]
@@ -21,6 +22,8 @@ Reading = Literal["peak", "mean"]
 CERTIFY_SAMPLES = 12  # per piece, both ends included
 PEAK_CLOSENESS = 2e-2  # of the largest sample: peaks between samples are looked for where they are as close to it
 PEAK_SAMPLES, PEAK_ZOOMS = 33, 2  # samples around a peak, and around the peak among those
+JOINT_SHARE = 1e-6  # of a piece: instants at which the path bends otherwise are looked at where no knot is closer
+ROUNDING = 2e-15  # of a path's length: how far off a length is, to be safe
 END_SHARE = 1e-9  # of a piece: each end belongs to its own piece (jerk, and what a path bends, may jump at a knot)
 
 
@@ -74,7 +77,7 @@ class LineSpeedLimits:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LineSpeedCertificate:
-    """What a profile asks for, sampled in every piece and closer at the peaks; ratios to the limits (1 is the limit).
+    """What a profile asks for, sampled in every piece, of the path too, and closer at peaks; ratios (1 is the limit).
 
     Attributes:
         speed_ratio_max: Line speed.
@@ -279,6 +282,19 @@ class LineSpeedProfile:
         return self.knots[:-1, None] + shares(count) * np.diff(self.knots)[:, None]
 
     @cached_property
+    def _looked_at(self) -> Floats:
+        """(L+1,) instants [s], rising: the knots, and those between at which the path bends otherwise."""
+        if self.path is None:
+            return self.knots
+        s, _ = path_samples(self.path, path_marks(self.path, 0.0, self.path.length))
+        at = np.unique(self.time_at(s[s < self.length]))
+        piece = np.clip(np.searchsorted(self.knots, at, side="right") - 1, 0, len(self.knots) - 2)
+        start, end = self.knots[piece], self.knots[piece + 1]
+        # at a knot on a joint of the path, rounding would take the jerk of one side with the bend of the other
+        inside = np.minimum(at - start, end - at) > JOINT_SHARE * (end - start)
+        return np.sort(np.concatenate([self.knots, at[inside]]))
+
+    @cached_property
     def certificate(self) -> LineSpeedCertificate:
         """Worst ratios inside the pieces, the jumps between them and the error at the end."""
         limits = self.limits
@@ -287,12 +303,14 @@ class LineSpeedProfile:
             s, v, a, j = self.at(t)
             if self.path is None:
                 return np.stack([np.abs(v), np.abs(a), np.abs(j), np.zeros_like(v)])
+            s = on_own_side(s, t, self.knots, np.append(self.coefficients[:, 0], self.length))
             tangential, normal, jerk = path_quantities(self.path, s, v, a, j)
             return np.stack([np.abs(v), tangential, jerk, normal])
 
-        sampled = sizes(self.samples())
+        knots = self._looked_at
+        sampled = sizes(knots[:-1, None] + shares(CERTIFY_SAMPLES) * np.diff(knots)[:, None])
         top = sampled.max(axis=(1, 2))
-        speed, acceleration, jerk, normal = (float(x) for x in peaks(sizes, self.knots, sampled, top, PEAK_CLOSENESS))
+        speed, acceleration, jerk, normal = (float(x) for x in peaks(sizes, knots, sampled, top, PEAK_CLOSENESS))
         starts = self.coefficients[:, :3] * [1.0, 1.0, 2.0]
         scale = np.array([self.length, limits.speed, limits.acceleration])
         jumps = np.concatenate([starts[:1], starts[1:] - self._ends[:-1], self._ends[-1:] * [0.0, 1.0, 1.0]])
@@ -341,6 +359,18 @@ def peaks(measure: Callable[[Floats], Floats], knots: Floats, sampled: Floats, t
         at = values[kind, of].argmax(axis=1)
         near, low, high = near[of], fine[of, np.maximum(at - 1, 0)], fine[of, np.minimum(at + 1, PEAK_SAMPLES - 1)]
     return top
+
+
+def on_own_side(s: Floats, t: Floats, knots: Floats, lengths: Floats) -> Floats:
+    """Lengths ``s`` at instants ``t``, but for rounding between the ``lengths`` (K+1,) of the knots (K+1,) around.
+
+    Where a joint of the path is a knot, rounding would take the jerk of one side with the bend of the other.
+    """
+    piece = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
+    low, high = lengths[piece], np.nextafter(lengths[piece + 1], -np.inf)
+    rounding = ROUNDING * lengths[-1]
+    s = np.where((s < low) & (s > low - rounding), low, s)
+    return np.where((s > high) & (s < high + rounding), high, s)
 
 
 def path_quantities(path: SmoothPath, s: Floats, v: Floats, a: Floats, j: Floats) -> tuple[Floats, Floats, Floats]:

@@ -541,12 +541,19 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
 @pytest.mark.parametrize(
     ("edit", "key", "words"),
     [
-        (top({"blend": {}}), "blend", "a blend needs exactly one of remaining_distance_m, tolerance_m; got none"),
+        (top({"blend": {}}), "blend", "a blend needs remaining_distance_m or tolerance_m, or both; got none"),
         (
-            top({"blend": {"remaining_distance_m": 0.1, "tolerance_m": 0.01}}),
+            top({"blend": {"remaining_distance_m": 0.1, "tolerance_m": [0.01, 0.01, 0.01, 0.01]}}),
             "blend",
-            "a blend needs exactly one of remaining_distance_m, tolerance_m; got remaining_distance_m, tolerance_m",
+            "tolerance_m has 4 values, and 1 segments have 0 joints",
         ),
+        (top({"blend": {"tolerance_m": -1}}), "blend.tolerance_m", "must be greater than 0, got -1"),
+        (
+            top({"blend": {"tolerance_m": [0, -1]}}),
+            "blend.tolerance_m[1]",
+            "must be greater than or equal to 0, got -1",
+        ),
+        (top({"blend": {"tolerance_m": "wide"}}), "blend.tolerance_m", "must be a number"),
         (top({"blend": {"radius_m": 0.1}}), "blend.radius_m", "unknown key (known: curve, shape_factor, remaining"),
         (top({"blend": {"remaining_distance_m": 0.1, "curve": "nurbs"}}), "blend.curve", "must be 'cubic', 'quintic'"),
         (
@@ -562,7 +569,7 @@ def test_bundled_lee2006_is_the_run_of_the_paper() -> None:
         (
             top({"blend": {"remaining_distance_m": 0.1, "curve": "least-time"}}),
             "blend.tolerance_m",
-            "missing; curve 'least-time' needs it instead of remaining_distance_m",
+            "missing; curve 'least-time' needs it",
         ),
         (drop("kind"), "kind", "missing, and blend belongs to cells of kind blend (add kind: blend)"),
         (top({"d_min_m": 0.01}), "d_min_m", "unknown key (known: kind, name, description, physics_tick_s"),
@@ -626,6 +633,14 @@ def test_a_kind_that_is_asked_for_is_the_kind_that_comes(tmp_path: Path) -> None
         load_cell_config("lee1991", BlendCellConfig)
     with pytest.raises(ConfigError, match=r"kind: this is a blend cell, and a coordination cell is needed here"):
         load_cell_config("lee2006", CellConfig)
+
+
+def test_a_blend_takes_distance_and_tolerance_for_all_corners_or_each(tmp_path: Path) -> None:
+    data = blend_cell()
+    data["arm"]["path"]["segments"] += [{"line": {"to_m": [0.3, 0.3, 0.05]}}, {"line": {"to_m": [0.2, 0.4, 0.05]}}]
+    data["blend"] = {"remaining_distance_m": [0.1, 0.05], "tolerance_m": 0.01}
+    blend = parse_cell_config(data, tmp_path / "mine.yaml", BlendCellConfig).blend
+    assert (blend.remaining_distance_m, blend.tolerance_m) == ((0.1, 0.05), 0.01)
 
 
 def test_corners_can_be_changed() -> None:

@@ -245,7 +245,6 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     "nan": (lambda: square(remaining_distance=math.nan), InputError, "finite"),
     "zero": (lambda: square(remaining_distance=0.0), PathError, "remaining distance is 0"),
     "too long": (lambda: square(remaining_distance=1.5), PathError, "needs 1.5 m of segment 0, which is 1 m long"),
-    "tolerance too large": (lambda: blend(a, b, tolerance=0.5), PathError, "needs .*lower the tolerance"),
     "zero tolerance": (lambda: blend(a, b, tolerance=0.0), InputError, "tolerance must be positive"),
     "factor": (lambda: square(shape_factor=4.5), InputError, r"not in \(0, 4\]"),
     "factor of a quintic": (lambda: square(shape_factor=2.0, curve="quintic"), InputError, "belongs to the cubic"),

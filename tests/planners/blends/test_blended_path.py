@@ -14,7 +14,7 @@ from scipy.integrate import quad
 
 from armtempo.arrays import Floats
 from armtempo.errors import ArmtempoError, InputError, PathError
-from armtempo.planners import Arc, BlendedPath, Line, blend
+from armtempo.planners import Arc, BlendedPath, Line, LineSpeedLimits, blend, limit_aware_profile
 from armtempo.planners.blends import Blend, arc_length
 from armtempo.planners.blends.kernels import blended_point
 
@@ -192,6 +192,85 @@ def test_a_smooth_joint_is_blended_where_a_distance_is_given_by_its_own_lengths(
     assert path.remaining.tolist() == [[0.1, 0.1], [0.0, 0.0]]
 
 
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]])
+CHORDS = 0.004 * np.stack([f(np.linspace(0.0, np.pi, 51)) for f in (np.cos, np.sin, np.zeros_like)], axis=1)
+SHALLOW = np.array([[0.7, 0.0, 0.05], [0.5, 0.001, 0.05], [0.3, 0.0, 0.05], [0.3, 0.65, 0.0], [-0.3, 0.65, 0.0]])
+
+
+@pytest.mark.parametrize("curve", ["cubic", "quintic", "low-peak", "septic", "least-time"])
+@pytest.mark.parametrize(("points", "tolerance"), [(CHORDS, 1e-5), (SHALLOW, 0.02), (SQUARE, 0.2)])
+def test_a_tolerance_is_the_most_and_a_corner_takes_what_there_is(points: Floats, tolerance: float, curve: str) -> None:
+    limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0) if curve == "least-time" else None
+    path = BlendedPath.through(points, tolerance=tolerance, curve=curve, limits=limits)
+    legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    taken = path.remaining
+    assert (path.deviation <= tolerance * (1.0 + 1e-9)).all()
+    assert (taken[1:, 0] + taken[:-1, 1] <= legs[1:-1] + 1e-12).all()
+    assert (taken <= np.stack([legs[:-1], legs[1:]], axis=1) + 1e-12).all()
+    used = path.deviation >= tolerance * (1.0 - 1e-6)
+    half = np.minimum(0.5 * legs[:-1], 0.5 * legs[1:])
+    assert (used | (taken[:, 0] >= half - 1e-12)).all()  # all of the tolerance, or half a segment at least
+    assert (path.continuity >= 2).all()
+    back = BlendedPath.through(points[::-1], tolerance=tolerance, curve=curve, limits=limits)
+    np.testing.assert_allclose(back.remaining[::-1, ::-1], taken, rtol=1e-6)
+
+
+def test_a_corner_takes_what_its_neighbour_leaves() -> None:
+    """0.1 m between a shallow corner and a square one: the square one needs 40 mm at 7.07 mm, the shallow one all."""
+    points = np.array([[-1.0, 0.005, 0.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 1.0, 0.0]])
+    path = BlendedPath.through(points, tolerance=0.01 / math.sqrt(2.0))
+    np.testing.assert_allclose(path.remaining, [[0.06, 0.06], [0.04, 0.04]], rtol=1e-9)
+    nearly_straight = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.6, 0.3 * math.radians(1e-4), 0.0]])
+    np.testing.assert_allclose(BlendedPath.through(nearly_straight, tolerance=0.005).remaining, 0.3)
+
+
+def test_a_nearly_tangent_arc_is_blended_within_its_tolerance() -> None:
+    line = Line(np.array([0.42, -0.25, 0.1]), np.array([0.58, -0.02, 0.1]))
+    arc = Arc.through(line.end, [0.58, 0.05, 0.1], [0.54, 0.1, 0.1])
+    last = Line(arc.end, np.array([0.35, 0.2, 0.1]))
+    for curve in ("quintic", "low-peak", "septic"):
+        path = BlendedPath([line, arc, last], tolerance=0.01, curve=curve)
+        assert (path.deviation <= 0.01 + 1e-12).all()
+        assert (path.continuity >= 2).all()
+
+
+@pytest.mark.parametrize("curve", ["cubic", "quintic", "low-peak", "septic"])
+@pytest.mark.parametrize("degrees", [30.0, 135.0, 160.0])
+def test_tolerances_of_nanometres_are_all_accepted(curve: str, degrees: float) -> None:
+    turn = math.radians(degrees)
+    points = [[0, 0, 0], [0.3, 0, 0], [0.3 + 0.3 * math.cos(turn), 0.3 * math.sin(turn), 0]]
+    for tolerance in 10.0 ** np.linspace(-10.0, -6.0, 9):
+        path = BlendedPath.through(points, tolerance=tolerance, curve=curve)
+        assert path.deviation[0] == pytest.approx(tolerance, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.5])
+def test_a_thousand_chords_are_timed_like_their_arc(radius: float) -> None:
+    turn = np.linspace(0.0, math.pi, 1001)
+    points = radius * np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1)
+    path = BlendedPath.fit(points, 1e-4)
+    assert len(path.pieces) <= 16
+    assert (path.continuity == 3).all()
+    assert path.deviation.max() <= 1e-4
+    limits = LineSpeedLimits(speed=1.0, acceleration=5.0, jerk=200.0)
+    arc = limit_aware_profile(Arc(points[0], points[-1], np.zeros(3), np.array([0.0, 0.0, 1.0])), limits)
+    assert limit_aware_profile(path, limits).duration == pytest.approx(arc.duration, rel=0.01)
+
+
+def test_a_fit_is_a_path_like_others() -> None:
+    points = random_polyline(12)
+    path = BlendedPath.fit(points, 0.01, orientation=[0, 0, 1, 0])
+    np.testing.assert_allclose(path.position([0.0, path.length]), points[[0, -1]], atol=1e-12)
+    s, h = np.linspace(0.01, path.length - 0.01, 2001), 1e-6
+    here, ahead, behind = path.derivatives(s), path.derivatives(s + h), path.derivatives(s - h)
+    np.testing.assert_allclose(np.linalg.norm(here[1], axis=1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(here[1], (ahead[0] - behind[0]) / (2 * h), atol=1e-5)
+    assert sum(piece.length for piece in path.pieces) == pytest.approx(path.length)
+    assert path.oriented
+    nearest = np.linalg.norm(points[:, None] - path.position(np.linspace(0.0, path.length, 20001)), axis=2).min(axis=1)
+    assert nearest.max() <= path.deviation[0] + 1e-3
+
+
 def test_orientation_turns_in_proportion_to_the_length() -> None:
     half = math.sqrt(0.5)
     path = scara(orientation=[[0, 0, 0, 1], [0, 0, -half, -half]])  # 90 degrees about z, the shorter way
@@ -201,7 +280,6 @@ def test_orientation_turns_in_proportion_to_the_length() -> None:
     np.testing.assert_array_equal(scara().orientation(0.5), [0, 0, 0, 1])
 
 
-SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0]])
 REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     "empty": (lambda: BlendedPath([], 0.1), PathError, "at least one segment"),
     "overlap": (lambda: BlendedPath.through(SQUARE, 0.6), PathError, "1 m and 2 m overlap by 0.2 m on segment 1"),
@@ -210,7 +288,6 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
         PathError,
         "segments 1 and 2 at 2 m needs 1.2 m of s",
     ),
-    "tolerance": (lambda: BlendedPath.through(SQUARE, tolerance=0.12), PathError, "overlap.*lower the tolerance"),
     "no blends": (lambda: BlendedPath.through(SQUARE), InputError, "corner of 90 degrees"),
     "one left out": (
         lambda: BlendedPath.through(SQUARE, [0.1, 0.0]),
@@ -226,6 +303,13 @@ REFUSED: dict[str, tuple[Callable[[], object], type[ArmtempoError], str]] = {
     "points": (lambda: BlendedPath.through([[0, 0], [1, 0]], 0.1), InputError, r"\(N, 3\)"),
     "nan": (lambda: BlendedPath.through([[0.0, 0, 0], [math.nan, 0, 0]], 0.1), InputError, "finite"),
     "count": (lambda: BlendedPath.through(SQUARE, [0.1, 0.1, 0.1]), InputError, "has 2 corners"),
+    "fit of one": (lambda: BlendedPath.fit([[0, 0, 0]], 0.1), InputError, r"\(N, 3\)"),
+    "fit of none": (lambda: BlendedPath.fit(SQUARE, 0.0), InputError, "tolerance must be positive"),
+    "fit there and back": (
+        lambda: BlendedPath.fit([[0, 0, 0], [1, 0, 0], [0, 0, 0]], 1e-3),
+        PathError,
+        "turns straight back",
+    ),
     "gap": (
         lambda: BlendedPath([Line(np.zeros(3), np.ones(3)), Line(1.1 * np.ones(3), 3 * np.ones(3))], 0.1),
         PathError,

@@ -147,6 +147,33 @@ def test_points_are_read_only() -> None:
         line.start[0] = 1.0
 
 
+@pytest.mark.parametrize(("step", "radius"), [(2.54e-6, 5e-4), (2.54e-6, 0.005), (2.54e-6, 0.5), (1e-6, 5e-4)])
+def test_arcs_of_rounded_coordinates_run_from_point_to_point(step: float, radius: float) -> None:
+    """Start and end rounded, and the centre from the start, as programs of machines give it."""
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        center, first = rng.uniform(0.0, 0.2, 2), rng.uniform(0.0, 2.0 * math.pi)
+        angles = first + np.array([0.0, rng.uniform(0.05, 6.0)])
+        start, end = np.round((center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)) / step) * step
+        given = start + np.round((center - start) / step) * step
+        arc = Arc(*(np.append(point, 0.0) for point in (start, end, given)), a(0, 0, 1))
+        np.testing.assert_allclose(arc.evaluate([0.0, arc.length])[0][:, :2], [start, end], atol=1e-12)
+        assert arc.center_shift == pytest.approx(np.linalg.norm(arc.center[:2] - given), abs=1e-15)
+        assert np.linalg.norm(arc.center[:2] - center) <= 0.25 * radius
+        assert arc.length == pytest.approx(radius * (angles[1] - angles[0]), abs=30.0 * step, rel=0.01)
+
+
+def test_centres_are_moved_within_a_thousandth_of_the_radius_and_refused_beyond() -> None:
+    assert QUARTER.center_shift == 0.0
+    moved = Arc(a(1, 0, 0), a(0, 1.0004, 0), a(0, 0, 0))
+    assert moved.center_shift == pytest.approx(0.0004 / math.sqrt(2.0), rel=1e-3)
+    np.testing.assert_allclose(np.linalg.norm([moved.start, moved.end] - moved.center, axis=1), moved.radius)
+    with pytest.raises(PathError, match="equal distances"):
+        Arc(a(1, 0, 0), a(0, 1.0006, 0), a(0, 0, 0))  # half a millimetre is too much, however large the radius
+    with pytest.raises(PathError, match="equal distances"):
+        Arc(a(0.005, 0, 0), a(0, 0.0050081, 0), a(0, 0, 0))
+
+
 def a(*coordinates: float) -> Floats:
     return np.array(coordinates)
 
@@ -168,7 +195,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "tilted normal": (lambda: Arc(a(1, 0, 0), a(0, 1, 0), a(0, 0, 0), a(0, 1, 1)), "perpendicular"),
     "through a line": (lambda: Arc.through(a(0, 0, 0), a(1, 1, 0), a(3, 3, 0)), "lie on one line.*use a Line"),
     "through nearly a line": (lambda: Arc.through(a(0, 0, 0), a(1, 4e-7, 0), a(2, 0, 0)), "or nearly.*use a Line"),
-    "small radii": (lambda: Arc(a(1e-4, 0, 0), a(0, 1.009e-4, 0), a(0, 0, 0)), "equal distances"),
+    "small radii": (lambda: Arc(a(1e-4, 0, 0), a(0, 1.03e-4, 0), a(0, 0, 0)), "equal distances"),
     "words": (lambda: Line("abc", a(0, 0, 0)), "must be numbers"),  # type: ignore[arg-type]
     "ragged": (lambda: Line([[1], [2, 3]], a(0, 0, 0)), "must be numbers"),  # type: ignore[arg-type]
     "piece of none": (lambda: QUARTER.part(0.3, 0.3), "0 <= low < high"),

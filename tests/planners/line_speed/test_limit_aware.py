@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from armtempo.errors import InputError
+from armtempo.arrays import Floats
+from armtempo.errors import InfeasibleError, InputError
 from armtempo.planners import Arc, BlendedPath, CartesianPath, Line, LineSpeedLimits, LineSpeedProfile, blend
 from armtempo.planners import limit_aware_profile as aware
 from armtempo.planners.blends import Blend
@@ -118,6 +119,22 @@ def test_a_single_segment_is_a_path(segment: Line | Arc | Blend) -> None:
     assert profile.at(profile.duration)[0] == pytest.approx(segment.length, abs=1e-12)
     if not isinstance(segment, Blend):
         assert profile.duration == pytest.approx(aware(BlendedPath([segment]), LIMITS).duration, rel=1e-9)
+
+
+class Shifty:
+    """A quarter circle that claims to bend more whenever it is asked again."""
+
+    length, asked = QUARTER.length, 1.0
+
+    def derivatives(self, s: Floats) -> tuple[Floats, ...]:
+        self.asked *= 1.3
+        p, d1, d2, d3 = QUARTER.derivatives(s)
+        return p, d1, d2 * self.asked, d3 * self.asked
+
+
+def test_no_profile_is_returned_that_breaks_a_limit() -> None:
+    with pytest.raises(InfeasibleError, match=r"asks for \d.* times a limit.*numbers too far apart"):
+        aware(Shifty(), LIMITS)
 
 
 def test_nonsense_is_refused() -> None:
