@@ -31,11 +31,15 @@ from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError
 from armtempo.planners.geometry import floats, number
 from armtempo.planners.joint_paths import AbstractJointPath
+from armtempo.planners.topp._rows import Rows
+from armtempo.planners.topp._settled_grid import is_settled
 from armtempo.robots import Arm, kernels
 
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
 STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
 INTERVALS_MAX = 10**7
+INTERVALS_FIRST, INTERVALS_SETTLED_MAX = 1000, 2**16  # of a grid that follows its path
+HALVINGS_MAX = 7
 NUMBER_MAX = 1e60  # of a coefficient: products of several must not overflow
 SpeedCap = float | Callable[[Floats], ArrayLike]
 
@@ -213,7 +217,7 @@ class PathDynamics:
         arm: Arm,
         path: AbstractJointPath,
         *,
-        intervals: int = 1000,
+        intervals: int | None = None,
         torque_reserve: float = 0.0,
         speed_max: SpeedCap | None = None,
     ) -> PathDynamics:
@@ -225,7 +229,8 @@ class PathDynamics:
         Args:
             arm: Gives the dynamics, friction, and the limits of torque, speed and acceleration.
             path: Where the arm goes.
-            intervals: Number of grid intervals N (breakpoints add to it).
+            intervals: Number of grid intervals N (breakpoints add to it). None: as many as the path needs, that is
+                1000, halved until halving has changed the minimum time from rest to rest by less than 0.1 %.
             torque_reserve: Share of every torque limit that the plan leaves unused, in [0, 1).
             speed_max: A further upper limit of ``mu``: a number, or a function of stations (K,) that gives (K,).
 
@@ -234,7 +239,8 @@ class PathDynamics:
             PathError: The path is not finite, or not one of this arm.
         """
         torque_reserve = number(torque_reserve, "torque_reserve")
-        if not 1 <= number(intervals, "intervals") <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
+        count = INTERVALS_FIRST if intervals is None else number(intervals, "intervals")
+        if not 1 <= count <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
             raise InputError(
                 f"intervals must be at least 1, at most {INTERVALS_MAX}, and torque_reserve in [0, 1), "
                 f"got {intervals} and {torque_reserve}"
@@ -242,14 +248,28 @@ class PathDynamics:
         path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
         jumps = np.union1d(path.breakpoints[1:-1], turns)
-        stations = path.length * _graded(intervals)
+        stations = path.length * _graded(int(count))
         marks = np.union1d(path.breakpoints, jumps)
         steps = np.diff(stations)
         inner = stations[1:-1]  # without slivers beside marks
         after = np.searchsorted(marks, inner)
         gap = np.minimum(inner - marks[after - 1], marks[after] - inner)
         inner = inner[gap > 0.01 * np.minimum(steps[:-1], steps[1:])]
-        return cls._sampled(arm, path, np.sort(np.concatenate([inner, marks, jumps])), torque_reserve, speed_max)
+        grid = np.sort(np.concatenate([inner, marks, jumps]))
+        dynamics = cls._sampled(arm, path, grid, torque_reserve, speed_max)
+        return dynamics if intervals is not None else dynamics._settled()
+
+    def _settled(self) -> PathDynamics:
+        """The same limits on a grid that has been halved until that changes the minimum time no longer."""
+        assert self._origin is not None
+        dynamics = self
+        for _ in range(HALVINGS_MAX):
+            grid = dynamics.grid
+            if 2 * len(grid) > INTERVALS_SETTLED_MAX or is_settled(dynamics.rows):
+                break
+            grid = np.sort(np.concatenate([grid, 0.5 * (grid[1:] + grid[:-1])[np.diff(grid) > 0.0]]))
+            dynamics = self._sampled(*self._origin[:2], grid, *self._origin[2:])
+        return dynamics
 
     @classmethod
     def _sampled(
@@ -338,6 +358,19 @@ class PathDynamics:
             for rows, new in zip(known, (M, Q, R, S, low, high, slower), strict=True)
         )
         return PathDynamics(grid[order], *joined)._with(self.joints, self._origin)
+
+    @property
+    def rows(self) -> Rows:
+        """The limits as arrays for compiled loops."""
+        return Rows(
+            self.grid,
+            self.M,
+            self.Q,
+            self.R,
+            self.torque_min - self.S,
+            self.torque_max - self.S,
+            np.minimum(self.speed_max, 1e6) ** 2,
+        )
 
     @property
     def length(self) -> float:
