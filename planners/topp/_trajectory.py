@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats, all_finite
 from armtempo.errors import InfeasibleError, InputError, PathError
 from armtempo.planners.geometry import floats
+from armtempo.planners.topp._duration_bound import DurationBound, duration_bound
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
@@ -224,6 +225,12 @@ class PhaseTrajectory:
             end_error=float(abs(self.lam[-1] - self.dynamics.length)),
             end_speed_error=float(abs(self.mu[-1] - self.mu_end)),
         )
+
+    @cached_property
+    def bound(self) -> DurationBound:
+        """Lower bound of the duration of any motion with the same ends inside the limits; is it proven."""
+        first, last = (float(self.lam[end]) for end in (0, -1))
+        return duration_bound(self.dynamics, (first, last), (float(self.mu[0]), float(self.mu[-1])))
 
     def stations_above(self, tolerance: float) -> Floats:
         """The sampled stations at which a torque, speed or acceleration exceeds its limit by more than that share."""
