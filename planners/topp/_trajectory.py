@@ -25,7 +25,7 @@ class MotionCertificate:
 
     Attributes:
         torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
-        speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
+        speed_ratio_max: Largest speed / speed limit, of the joints, of mu itself and of the tool.
         acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
         worst_station: Where the torque ratio is largest [lambda].
         worst_joint: Whose it is.
@@ -199,6 +199,7 @@ class PhaseTrajectory:
             sign[:, 0] = sign[:, -1] = sign[:, CERTIFY_SAMPLES // 2]
             torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, sign, 0.0)
             speed = np.maximum(speed, (np.abs(qd) / arm.speed_max).max(axis=-1))
+            speed = np.maximum(speed, dynamics.tool_speed_ratio(lam, mu))
             acceleration = (np.abs(qdd) / arm.acceleration_max).max(axis=-1)
         ratio = np.maximum((torque - middle) / np.maximum(half, 1e-300), (middle - torque) / np.maximum(below, 1e-300))
         ratio[np.diff(self.time) <= 0.0] = 0.0  # two rows of one instant, where coefficients jump: neighbours tell
