@@ -9,6 +9,10 @@ redundant arm (no columns otherwise). Both derivatives follow from the same matr
 
     A q' = [task t; N^T r'],    A q'' = [task (t' - J' q'); N^T r'']
 
+Where an interval is next to a singular posture through which the path goes, the row l of the task that is lost there is
+replaced by one more row n^T (q - r) = 0, with n the direction of the joints that moves nothing there: l^T task is left
+out. What the tip is off along it is what r is off along n, times the least singular value.
+
 Nothing is checked here: callers pass float64 arrays of the right shape.
 """
 
@@ -42,6 +46,10 @@ class Reference(NamedTuple):
     """(M, 6, n) coefficients of r by rising powers of (lambda - start) / size."""
     null: Floats
     """(M, n, spare) N."""
+    lost: Floats
+    """(M, m) l, a unit vector; zero where no row is lost."""
+    idle: Floats
+    """(M, n) n, a unit vector; zero likewise."""
 
 
 class Scratch(NamedTuple):
@@ -50,12 +58,14 @@ class Scratch(NamedTuple):
     """Of the tip and the Jacobian at q."""
     A: Floats
     B: Floats
+    b: Floats
+    """(n,) a right-hand side."""
 
 
 @njit
 def scratch(n: int) -> Scratch:
     """Room for one arm of n joints."""
-    return Scratch(q=np.empty(n), arm=arm_scratch(n, 0), A=np.empty((n, n)), B=np.empty((n, n)))
+    return Scratch(q=np.empty(n), arm=arm_scratch(n, 0), A=np.empty((n, n)), B=np.empty((n, n)), b=np.empty(n))
 
 
 @njit
@@ -78,8 +88,8 @@ def _drift(J: Floats, u: Floats, out: Floats) -> None:
 
 
 @njit
-def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
-    """A = [task J; N^T] into w.A."""
+def _matrix(task: Floats, null: Floats, lost: Floats, idle: Floats, w: Scratch) -> None:
+    """A = [task J; N^T] into w.A, with a row replaced that is lost."""
     m, n = task.shape[0], w.q.shape[0]
     for k in range(n):
         for i in range(m):
@@ -92,11 +102,17 @@ def _matrix(task: Floats, null: Floats, w: Scratch) -> None:
             w.A[i, k] = value
         for i in range(m, n):
             w.A[i, k] = null[k, i - m]
+        if lost.any():
+            part = -idle[k]
+            for i in range(m):
+                part += lost[i] * w.A[i, k]
+            for i in range(m):
+                w.A[i, k] -= lost[i] * part
 
 
 @njit
-def _solve(w: Scratch, task: Floats, twist: Floats, rest: Floats, out: Floats) -> None:
-    """Out = A^-1 [task twist; rest] from w.B."""
+def _solve(w: Scratch, task: Floats, twist: Floats, rest: Floats, lost: Floats, along: float, out: Floats) -> None:
+    """Out = A^-1 [task twist; rest] from w.B; ``along``: what stands for a row that is lost."""
     m, n = task.shape[0], out.shape[0]
     for k in range(n):
         out[k] = 0.0
@@ -109,8 +125,29 @@ def _solve(w: Scratch, task: Floats, twist: Floats, rest: Floats, out: Floats) -
         else:
             for r in range(6):
                 value += task[i, r] * twist[r]
+        w.b[i] = value
+    if lost.any():
+        part = -along
+        for i in range(m):
+            part += lost[i] * w.b[i]
+        for i in range(m):
+            w.b[i] -= lost[i] * part
+    for i in range(n):
         for k in range(n):
-            out[k] += w.B[k, i] * value
+            out[k] += w.B[k, i] * w.b[i]
+
+
+@inlined
+def _on_reference(reference: Reference, at: int, lam: float, r: Floats) -> None:
+    """The reference and its two derivatives on interval ``at``, into r (3, n)."""
+    size = reference.station[at + 1] - reference.station[at]
+    x, c = (lam - reference.station[at]) / size, reference.curve[at]
+    for j in range(r.shape[1]):
+        r[0, j] = c[0, j] + x * (c[1, j] + x * (c[2, j] + x * (c[3, j] + x * (c[4, j] + x * c[5, j]))))
+        r[1, j] = c[1, j] + x * (2 * c[2, j] + x * (3 * c[3, j] + x * (4 * c[4, j] + x * 5 * c[5, j])))
+        r[2, j] = 2 * c[2, j] + x * (6 * c[3, j] + x * (12 * c[4, j] + x * 20 * c[5, j]))
+        r[1, j] /= size
+        r[2, j] /= size * size
 
 
 @njit
@@ -138,18 +175,12 @@ def follow(
     w = scratch(n)
     error, step, spare, accelerated = np.empty(6), np.empty(n), np.empty(n), np.empty(6)
     rest = np.zeros((3, n))  # N^T r and its derivatives by lambda
-    r = np.empty((3, n))
+    r, idle = np.empty((3, n)), np.zeros(3)  # likewise n^T r
     for k in range(q.shape[0]):
         at = interval[k]
-        size = reference.station[at + 1] - reference.station[at]
-        x = (lam[k] - reference.station[at]) / size
-        c, N = reference.curve[at], reference.null[at]
+        N = reference.null[at]
+        _on_reference(reference, at, lam[k], r)
         for j in range(n):
-            r[0, j] = c[0, j] + x * (c[1, j] + x * (c[2, j] + x * (c[3, j] + x * (c[4, j] + x * c[5, j]))))
-            r[1, j] = c[1, j] + x * (2 * c[2, j] + x * (3 * c[3, j] + x * (4 * c[4, j] + x * 5 * c[5, j])))
-            r[2, j] = 2 * c[2, j] + x * (6 * c[3, j] + x * (12 * c[4, j] + x * 20 * c[5, j]))
-            r[1, j] /= size
-            r[2, j] /= size * size
             w.q[j] = r[0, j]
         for i in range(n - m):
             for d in range(3):
@@ -157,10 +188,15 @@ def follow(
                 for j in range(n):
                     value += N[j, i] * r[d, j]
                 rest[d, i] = value
+        lost = reference.lost[at]
+        for d in range(3):
+            idle[d] = 0.0
+            for j in range(n):
+                idle[d] += reference.idle[at, j] * r[d, j]
         off[k] = before = math.inf
         for _ in range(NEWTON_STEPS_MAX):
             tip_and_jacobian(model, w.q, w.arm)
-            _matrix(task, N, w)
+            _matrix(task, N, lost, reference.idle[at], w)
             if not invert(w.A, w.B):
                 break
             tip, R = w.arm.tip, rotation[k]
@@ -175,7 +211,10 @@ def follow(
                 spare[i] = rest[0, i]
                 for j in range(n):
                     spare[i] -= N[j, i] * w.q[j]
-            _solve(w, task, error, spare, step)
+            along = idle[0]
+            for j in range(n):
+                along -= reference.idle[at, j] * w.q[j]
+            _solve(w, task, error, spare, lost, along, step)
             largest = 0.0
             for j in range(n):
                 w.q[j] += step[j]
@@ -190,18 +229,26 @@ def follow(
             before = largest
         for j in range(n):
             q[k, j] = w.q[j]
-        _solve(w, task, twist[k], rest[1], dq[k])
+        _solve(w, task, twist[k], rest[1], lost, idle[1], dq[k])
         _drift(w.arm.J, dq[k], accelerated)
         for i in range(6):
             accelerated[i] = change[k, i] - accelerated[i]
-        _solve(w, task, accelerated, rest[2], ddq[k])
+        _solve(w, task, accelerated, rest[2], lost, idle[2], ddq[k])
 
 
 @njit
-def _weigh(task: Floats, B: Floats, weight: Floats) -> None:
-    """How far errors of b move each joint at most, by A0^-1 = B: linear, angular and spare ones, into weight (n, 3)."""
+def _weigh(task: Floats, lost: Floats, B: Floats, weight: Floats) -> None:
+    """How far errors of b move each joint at most, by A0^-1 = B: linear, angular and spare ones, into weight (n, 3).
+
+    A row that is lost takes in spare ones in its place: B is left without it.
+    """
     m, n = task.shape[0], B.shape[0]
     for j in range(n):
+        replaced = 0.0
+        for i in range(m):
+            replaced += B[j, i] * lost[i]
+        for i in range(m):
+            B[j, i] -= replaced * lost[i]
         for part in range(3):
             weight[j, part] = 0.0
         for r in range(6):  # A0^-1 takes in a twist by way of the task's rows
@@ -212,6 +259,7 @@ def _weigh(task: Floats, B: Floats, weight: Floats) -> None:
                 for i in range(m):
                     value += B[j, i] * task[i, r]
             weight[j, r // 3] += value * value
+        weight[j, 2] += replaced * replaced
         for i in range(m, n):
             weight[j, 2] += B[j, i] * B[j, i]
         for part in range(3):
@@ -259,7 +307,8 @@ def _tip_errors(prismatic: Bools, length: Floats, half: float, guess: Floats, be
 def speed_bounds(
     model: ArmModel,
     task: Floats,
-    null: Floats,
+    reference: Reference,
+    interval: Ints,
     q: Floats,
     dq: Floats,
     half: Floats,
@@ -270,7 +319,8 @@ def speed_bounds(
 ) -> None:
     """Upper bounds (S, n) of |q'| over intervals of half widths ``half`` (S,) about stations with joints q, dq (S, n).
 
-    bend (S, 3): upper bounds there of |p''|, |w'| and |r''|; null (S, n, spare). With u = q' and A0, u0 those of the
+    bend (S, 3): upper bounds there of |p''|, |w'| and |r''|; interval (S,): of the reference. With u = q' and A0, u0
+    those of the
     middle: u - u0 = A0^-1 ((b - b0) - (A - A0) u), and |A - A0| by how far the joints get from the middle, at most
     half |u|. A guess U of sup |u| for which the right-hand side stays below U is a bound: u, which is continuous,
     never gets there. kept: one was found, and no bound exceeds |u0| by more than ``tolerance`` of the largest.
@@ -284,10 +334,11 @@ def speed_bounds(
         for j in range(n):
             w.q[j] = q[k, j]
         tip_and_jacobian(model, w.q, w.arm)
-        _matrix(task, null[k], w)
+        at = interval[k]
+        _matrix(task, reference.null[at], reference.lost[at], reference.idle[at], w)
         if not invert(w.A, w.B):
             continue
-        _weigh(task, w.B, weight)
+        _weigh(task, reference.lost[at], w.B, weight)
         largest = 0.0
         for j in range(n):
             lever[j] = math.sqrt(w.arm.J[0, j] ** 2 + w.arm.J[1, j] ** 2 + w.arm.J[2, j] ** 2)

@@ -9,10 +9,13 @@ those of the pose at any lambda, and their derivatives are exact:
 A redundant arm moves in its spare directions as the tracker had it: between two samples ``N^T (q - r(lambda)) = 0`` is
 added to the task, with r the quintic and N the null space of the task's Jacobian at the first of them. r meets the path
 at the samples in value, slope and second derivative, so the joints are C2 there for any N.
+
+Where a piece meets singular postures it is walked through, if it can be: see ``SingularWalk``.
 """
 
 from __future__ import annotations
 
+import logging
 from typing import final
 
 import numpy as np
@@ -28,19 +31,25 @@ from armtempo.planners.joint_paths import _cartesian_joint_kernels as loops
 from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import check_position_limits
 from armtempo.planners.joint_paths._pose_path import PosePath, TipSegments, as_pose_path
+from armtempo.planners.joint_paths._singular_walk import SINGULAR_ZONE, SingularWalk, Walk, crossed
 from armtempo.robots import Arm
 
 __all__ = ["CartesianJointPath"]
 
+LOG = logging.getLogger("armtempo")
 
 FIRST_INTERVALS = 512  # of a path at first, and
 INTERVALS_MIN, INTERVALS_MAX = 8, 2**13  # of one of its pieces
 MIDDLE_ERROR_MAX = 1e-5  # [rad, m] of quintics in the middle of intervals: one step of Newton from the path
-NEAR_START = 0.25  # [rad, m] how far a joint may be moved onto the start of the path
+NEAR_START = 0.25  # [rad, m] how far a joint may be moved onto the start of the path, and
+START_ROUNDING = 1e-3  # how far without a word
 LEFT_OUT_ERROR_MAX = 1e-6  # [rad, m] of the tip, where the task leaves that out of the pose
 SINGULAR_DISTANCE = 1e-3  # [rad, length] a tip so near its goal needs more than NEAR_START of a joint next to one only
 SPEED_BOUND_SLACK = 0.05  # of the fastest joint's speed: what bounds may exceed speeds in an interval's middle by
 SPEED_BOUND_HALVINGS = 14  # of an interval, for such bounds
+WALKED_START_ERROR_MAX = 1e-6  # [rad, m] of joints from where a walk through a singular posture begins to the start
+WALKED_SLOPE_ERROR_MAX = 1e-5  # of the fastest joint's slope, where one piece goes on from another
+WALKED_ERROR_MAX = 1e-12  # [rad, m] of the tip along such a walk
 TRACKER_GAIN = 0.25  # per step
 SETTLING_STEPS = 2000  # to get to a pose, if that can be
 FALLING_SHARE = 1e-3  # of what is left then, over the last tenth of them: it goes on. Measured: > 5e-2, or < 1e-5
@@ -60,7 +69,8 @@ class CartesianJointPath(AbstractJointPath):
         cartesian: Where the tip goes [m]. Its orientation is the path's own, if it has one (``BlendedPath`` with
             ``orientation``, ``PosePath``: in world axes), or that of ``start``, kept.
         start: (n,) joint positions at its start [rad or m]; they choose the branch. They may be off by rounding, or a
-            little more: no joint is moved by more than 0.25 onto the path.
+            little more: no joint is moved by more than 0.25 onto the path, and by more than 0.001 not without a warning
+            in the log (``moved``).
         task: ``auto``, ``pose`` or ``position``, as of ``FeedbackIK``.
         speed_min: Lambda per second [m/s] that the joints' speed limits must allow everywhere. Where they do not, the
             path is refused: it passes too near a singularity (or turns the tool too far in too short a way).
@@ -68,12 +78,14 @@ class CartesianJointPath(AbstractJointPath):
 
     Attributes:
         station: (M + 1,) grid [m].
+        moved: (n,) what ``start`` was moved by onto the path [rad or m].
 
     Raises:
         InputError: A number that cannot be used; the message names it.
-        PathError: ``start`` is not on the path; the path leaves the workspace, comes too near a singularity, or breaks
-            a joint's position limit; it turns the tool as the arm cannot. The message names the station and the reason
-            (``data``: arm, station, reason).
+        PathError: ``start`` is not on the path; the path leaves the workspace, comes too near a singularity that it
+            cannot pass, or breaks a joint's position limit; it turns the tool as the arm cannot. The message names the
+            station and the reason (``data``: arm, station, reason), and the two postures between which the joints would
+            have to jump (``before``, ``after``).
     """
 
     def __init__(
@@ -164,7 +176,9 @@ class CartesianJointPath(AbstractJointPath):
         self._check_range(first)
         curve = np.zeros((1, 6, self.dof))
         curve[0, 0] = first
-        still = loops.Reference(station=np.array([0.0, self.length]), curve=curve, null=self._null_space(first[None]))
+        still = self._reference_of(np.array([0.0, self.length]), curve, self._null_space(first[None]))
+        if self.dof == len(self._task) and self._tracker.singular_value(first) < SINGULAR_ZONE:
+            still = self._with_lost(still, np.array([True]), first[None])
         q, _, _, off = self._follow(still, np.zeros(1), np.zeros(1, dtype=np.int64), False)
         missed = self._miss(np.zeros(1), q if off[0] <= NEAR_START else first[None])
         away, turned = np.linalg.norm(missed.reshape(2, 3), axis=1).tolist()
@@ -180,7 +194,16 @@ class CartesianJointPath(AbstractJointPath):
                 "give joint positions that put the tip there",
             )
         self._check_range(q[0])
-        return np.asarray(np.clip(q[0], arm.position_min, arm.position_max))
+        on_path = np.asarray(np.clip(q[0], arm.position_min, arm.position_max))
+        self.moved = on_path - first
+        self.moved.setflags(write=False)
+        joint = int(np.abs(self.moved).argmax())
+        if abs(self.moved[joint]) > START_ROUNDING:
+            LOG.warning(
+                "start of arm %r is off its path: joint %r was moved by %.4g from %.6g onto it",
+                arm.name, arm.joint_names[joint], self.moved[joint], first[joint],
+            )  # fmt: skip
+        return on_path
 
     def _miss(self, station: Floats, q: Floats) -> Floats:
         """What the tip at joints q (S, n) lacks to the poses (S, 6) [m, rad]; no turning where the task has none."""
@@ -223,9 +246,41 @@ class CartesianJointPath(AbstractJointPath):
         rows = np.linalg.svd(self._task @ self.arm.jacobian(q))[2]
         return np.ascontiguousarray(rows[:, len(self._task) :].transpose(0, 2, 1))
 
+    def _reference_of(self, station: Floats, curve: Floats, null: Floats) -> loops.Reference:
+        """Without rows that are lost."""
+        count = len(curve)
+        return loops.Reference(
+            station=station,
+            curve=curve,
+            null=null,
+            lost=np.zeros((count, len(self._task))),
+            idle=np.zeros((count, self.dof)),
+        )
+
+    def _with_lost(self, reference: loops.Reference, where: Bools, q: Floats) -> loops.Reference:
+        """The reference with a row lost in the intervals (M,) ``where`` so, as it is at joints q (M, n)."""
+        walk = self._walk_over(np.zeros(2), np.zeros((3, 6)))
+        lost, idle = reference.lost.copy(), reference.idle.copy()
+        for k in np.flatnonzero(where):
+            lost[k], idle[k] = walk.lost(q[k])
+        return reference._replace(lost=lost, idle=idle)
+
+    def _walk_over(self, station: Floats, twist: Floats) -> SingularWalk:
+        def solve(k: int, near: tuple[Floats, Floats, Floats], lost: bool) -> tuple[Floats, Floats, Floats, float]:
+            curve = np.zeros((1, 6, self.dof))
+            curve[0, 0], curve[0, 1], curve[0, 2] = near[0], near[1], 0.5 * near[2]
+            s = station[k]
+            one = self._reference_of(np.array([s, s + 1.0]), curve, np.empty((1, self.dof, 0)))
+            if lost:
+                one = self._with_lost(one, np.array([True]), near[0][None])
+            q, dq, ddq, off = self._follow(one, station[k : k + 1], np.zeros(1, dtype=np.int64), k == len(station) - 1)
+            return q[0], dq[0], ddq[0], float(off[0])
+
+        return SingularWalk(self.arm, self._task, self._tracker.length, station, twist, solve)
+
     def _track(self, q: Floats) -> None:
         """Samples on the path piece by piece, on grids that are fine enough: the reference."""
-        stations, nodes, curves, nulls = [np.zeros(1)], [], [], []
+        stations, nodes, references = [np.zeros(1)], [], []
         rate: Floats | None = None
         for k in range(len(self.breakpoints) - 1):
             low, high = self.breakpoints[k : k + 2]
@@ -238,13 +293,12 @@ class CartesianJointPath(AbstractJointPath):
             q, rate = values[0, -1], values[1, -1]
             stations.append(s[1:])
             nodes.append(values if k == 0 else values[:, 1:])
-            curves.append(reference.curve)
-            nulls.append(reference.null)
+            references.append(reference)
         self.station = np.concatenate(stations)
         self._nodes = np.concatenate(nodes, axis=1)
         # Its arrays are writable, all of them, so that the loops are compiled once only.
         self._reference = loops.Reference(
-            station=self.station.copy(), curve=np.concatenate(curves), null=np.concatenate(nulls)
+            self.station.copy(), *(np.concatenate(rows) for rows in zip(*(one[1:] for one in references), strict=True))
         )
         self.station.setflags(write=False)
 
@@ -268,17 +322,23 @@ class CartesianJointPath(AbstractJointPath):
         curve = np.zeros((count + 1, 6, self.dof))
         curve[:, 0] = run.q
         curve[0, 0] = start
-        still = loops.Reference(station=np.append(s, s[-1] + step), curve=curve, null=null)
+        still = self._reference_of(np.append(s, s[-1] + step), curve, null)
         index = np.arange(count + 1)
         last = index == count
         q, dq, _, off = self._follow(still, s, index, last)
         good = (off <= MIDDLE_ERROR_MAX) & (run.flags & LIMIT == 0)
+        if self.dof == len(self._task) and (not good.all() or crossed(self._tracker.singular_value(run.q)).any()):
+            walked = self._walked(s, np.concatenate([after.tangent, after.turning], axis=1), start, rate)
+            if walked is not None:
+                return walked
         if not good.all():
             bad = int(good.argmin())
             self._check_reach(bad, s, run, target)
             if count < INTERVALS_MAX:
                 return s, np.empty(0), still, False
-            raise self._singular(s[bad], run.q[bad], None)
+            beyond = bad + int(good[bad:].argmax())
+            then = q[beyond] if good[beyond] else run.q[-1]
+            raise self._singular(s[bad], q[bad - 1] if bad else start, None, then)
         # The slope: of its spare part, what the tracker had.
         curve[:, 1] = run.qd * step
         if rate is not None:
@@ -287,13 +347,50 @@ class CartesianJointPath(AbstractJointPath):
         dq = self._follow(still, s, index, last)[1]
         curve[:, 2] = 0.5 * step * np.gradient(dq, axis=0, edge_order=2)
         q, dq, ddq, _ = self._follow(still, s, index, last)
-        reference = loops.Reference(station=s, curve=_quintics(step, q, dq, ddq), null=null[:-1])
+        reference = self._reference_of(s, _quintics(step, q, dq, ddq), null[:-1])
         middle = self._follow(reference, 0.5 * (s[1:] + s[:-1]), index[:-1], False)
         fits = bool(middle[3].max() <= MIDDLE_ERROR_MAX)
         if not fits and count >= INTERVALS_MAX:
             k = int(middle[3].argmax())
             raise self._singular(s[k], run.q[k], None)
         return s, np.stack([q, dq, ddq]), reference, fits
+
+    def _walked(
+        self, s: Floats, twist: Floats, start: Floats, rate: Floats | None
+    ) -> tuple[Floats, Floats, loops.Reference, bool] | None:
+        """``_sampled`` by a walk through singular postures; None: there is no way."""
+        walk = self._walk_over(s, twist).find(start)
+        if walk is None:
+            return None
+        q, dq, ddq = self._on_path(s, walk)
+        if np.abs(q[0] - start).max() > WALKED_START_ERROR_MAX:
+            raise self._singular(s[0], start, None, q[0])
+        if rate is not None and not np.abs(dq[0] - rate).max() <= WALKED_SLOPE_ERROR_MAX * (1.0 + np.abs(rate).max()):
+            return None
+        step = s[1] - s[0]
+        reference = self._reference_of(s, _quintics(step, q, dq, ddq), np.empty((len(s) - 1, self.dof, 0)))
+        x = 0.5 ** np.arange(6)
+        near = crossed(walk.singular) | walk.inside[1:] | walk.inside[:-1]
+        reference = self._with_lost(reference, near, np.einsum("i,kij->kj", x, reference.curve))
+        middles, interval = 0.5 * (s[1:] + s[:-1]), np.arange(len(s) - 1)
+        there, _, _, off = self._follow(reference, middles, interval, False)
+        tip_off = np.abs(self._miss(middles, there) @ self._task.T).max()
+        on_path = np.abs(self._miss(s, q) @ self._task.T).max()
+        if not on_path <= WALKED_ERROR_MAX or (len(s) > INTERVALS_MAX and not tip_off <= WALKED_ERROR_MAX):
+            return None
+        fits = bool(off.max() <= MIDDLE_ERROR_MAX and tip_off <= WALKED_ERROR_MAX)
+        return s, np.stack([q, dq, ddq]), reference, fits
+
+    def _on_path(self, s: Floats, walk: Walk) -> tuple[Floats, Floats, Floats]:
+        """Joints and both derivatives (K + 1, n) of a walk, those in its zones on the path but for what is lost."""
+        step = s[1] - s[0]
+        curve = np.zeros((len(s), 6, self.dof))
+        curve[:, 0], curve[:, 1], curve[:, 2] = walk.q, step * walk.dq, 0.5 * step**2 * walk.ddq
+        reference = self._reference_of(np.append(s, s[-1] + step), curve, np.empty((len(s), self.dof, 0)))
+        reference = self._with_lost(reference, walk.inside, walk.q)
+        index = np.arange(len(s))
+        q, dq, ddq, _ = self._follow(reference, s, index, index == len(s) - 1)
+        return q, dq, ddq
 
     def _check_reach(self, k: int, s: Floats, run: IKRun, target: PoseTarget) -> None:
         """The tracker could not follow at sample k: refuse if a joint's limit or the arm's reach is the reason."""
@@ -341,9 +438,13 @@ class CartesianJointPath(AbstractJointPath):
         T[:3, :3], T[:3, 3] = rotation, position
         return bool(np.isfinite(closed.within_limits(closed.solve(T))).all(axis=-1).any())
 
-    def _singular(self, station: float, q: Floats, speed: float | None) -> PathError:
+    def _singular(self, station: float, q: Floats, speed: float | None, then: Floats | None = None) -> PathError:
         least = float(self._tracker.singular_value(q))
         so = "its joints would have to jump" if speed is None else f"its joints' limits allow {speed:.4g} m/s only"
+        postures: dict[str, object] = {}
+        if then is not None:
+            so += " from {} to {}".format(*((np.round(posture, 4) + 0.0).tolist() for posture in (q, then)))
+            postures = {"before": q.tolist(), "after": then.tolist()}
         return self._refuse(
             station,
             "singular",
@@ -351,6 +452,7 @@ class CartesianJointPath(AbstractJointPath):
             f"Jacobian, over the arm's length, is {least:.3g}",
             "move the path, turn the tool over a longer way, start in another posture, or lower speed_min",
             singular_value=least,
+            **postures,
         )
 
     def _check_speed(self, station: Floats, slope: Floats) -> None:
@@ -381,7 +483,8 @@ class CartesianJointPath(AbstractJointPath):
             loops.speed_bounds(
                 self.arm.model,
                 self._task,
-                reference.null[interval],
+                reference,
+                interval,
                 q,
                 dq,
                 half,

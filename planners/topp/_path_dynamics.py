@@ -31,11 +31,16 @@ from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError, RobotError
 from armtempo.planners.geometry import floats, number
 from armtempo.planners.joint_paths import AbstractJointPath
+from armtempo.planners.topp._rows import Rows
+from armtempo.planners.topp._settled_grid import is_settled
 from armtempo.robots import Arm, kernels
 
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
 STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
 INTERVALS_MAX = 10**7
+INTERVALS_FIRST, INTERVALS_SETTLED_MAX = 1000, 2**16  # of a grid that follows its path
+HALVINGS_MAX = 7
+TOOL_SAMPLES = 5  # of an interval, for the tip's speed
 NUMBER_MAX = 1e60  # of a coefficient: products of several must not overflow
 SpeedCap = float | Callable[[Floats], ArrayLike]
 
@@ -65,6 +70,33 @@ def _coefficients(arm: Arm, q: Floats, dq: Floats, ddq: Floats, sign: Floats) ->
     none = np.zeros((len(q), len(limited)))
     further = (dq[:, limited], ddq[:, limited], none, none)
     return [np.concatenate([of_torque, of_limit], axis=1) for of_torque, of_limit in zip(rows, further, strict=True)]
+
+
+def _tip_speed(arm: Arm, path: AbstractJointPath, lam: Floats) -> Floats:
+    """(K,) [m] that the tip moves by lambda at stations (K,)."""
+    q, dq, _ = path.sampled(lam, arm.dof)
+    return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", arm.jacobian(q)[:, :3], dq), axis=1))
+
+
+def _limits_at(limit: SpeedCap, lam: Floats) -> Floats:
+    """(K,) [m/s] a limit of the tip's speed at stations (K,)."""
+    given = floats(limit(lam) if callable(limit) else limit, "tool_speed_m_s", np.inf)
+    if given.shape not in ((), lam.shape) or not (given > 0.0).all():
+        raise InputError(
+            f"tool_speed_m_s of shape {given.shape} at {lam.shape} stations, or not > 0",
+            remedy="give a speed > 0, or a function of stations (K,) that gives (K,) of them",
+        )
+    return np.broadcast_to(given, lam.shape)
+
+
+def _tool_caps(arm: Arm, path: AbstractJointPath, grid: Floats, limit: SpeedCap) -> Floats:
+    """(N+1,) of ``mu``: what the tip's limit allows at every sample of the intervals on either side."""
+    way = np.diff(grid)
+    lam = (grid[:-1, None] + way[:, None] * np.linspace(1e-9, 1.0 - 1e-9, TOOL_SAMPLES)).ravel()
+    with np.errstate(divide="ignore"):
+        caps = (_limits_at(limit, lam) / _tip_speed(arm, path, lam)).reshape(len(way), -1).min(axis=1)
+    caps = np.where(way > 0.0, caps, np.inf)
+    return np.asarray(np.minimum(np.append(caps, np.inf), np.append(np.inf, caps)))
 
 
 def _graded(intervals: int) -> Floats:
@@ -152,6 +184,7 @@ class _Origin(NamedTuple):
     path: AbstractJointPath
     torque_reserve: float
     speed_cap: SpeedCap | None
+    tool_speed: SpeedCap | None
 
 
 @final
@@ -213,9 +246,10 @@ class PathDynamics:
         arm: Arm,
         path: AbstractJointPath,
         *,
-        intervals: int = 1000,
+        intervals: int | None = None,
         torque_reserve: float = 0.0,
         speed_max: SpeedCap | None = None,
+        tool_speed_m_s: SpeedCap | None = None,
     ) -> PathDynamics:
         """Sample the dynamics of ``arm`` along ``path``.
 
@@ -225,9 +259,12 @@ class PathDynamics:
         Args:
             arm: Gives the dynamics, friction, and the limits of torque, speed and acceleration.
             path: Where the arm goes.
-            intervals: Number of grid intervals N (breakpoints add to it).
+            intervals: Number of grid intervals N (breakpoints add to it). None: as many as the path needs, that is
+                1000, halved until halving has changed the minimum time from rest to rest by less than 0.1 %.
             torque_reserve: Share of every torque limit that the plan leaves unused, in [0, 1).
             speed_max: A further upper limit of ``mu``: a number, or a function of stations (K,) that gives (K,).
+            tool_speed_m_s: Upper limit of the tip's linear speed [m/s], likewise; also between stations. A function may
+                jump, best at a breakpoint of the path (where segments meet): elsewhere an interval is the slower one's.
 
         Raises:
             InputError: An argument is out of range.
@@ -235,7 +272,8 @@ class PathDynamics:
             RobotError: A joint has neither a torque nor an acceleration limit.
         """
         torque_reserve = number(torque_reserve, "torque_reserve")
-        if not 1 <= number(intervals, "intervals") <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
+        count = INTERVALS_FIRST if intervals is None else number(intervals, "intervals")
+        if not 1 <= count <= INTERVALS_MAX or not 0.0 <= torque_reserve < 1.0:
             raise InputError(
                 f"intervals must be at least 1, at most {INTERVALS_MAX}, and torque_reserve in [0, 1), "
                 f"got {intervals} and {torque_reserve}"
@@ -251,20 +289,33 @@ class PathDynamics:
         path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
         jumps = np.union1d(path.breakpoints[1:-1], turns)
-        stations = path.length * _graded(intervals)
+        stations = path.length * _graded(int(count))
         marks = np.union1d(path.breakpoints, jumps)
         steps = np.diff(stations)
         inner = stations[1:-1]  # without slivers beside marks
         after = np.searchsorted(marks, inner)
         gap = np.minimum(inner - marks[after - 1], marks[after] - inner)
         inner = inner[gap > 0.01 * np.minimum(steps[:-1], steps[1:])]
-        return cls._sampled(arm, path, np.sort(np.concatenate([inner, marks, jumps])), torque_reserve, speed_max)
+        grid = np.sort(np.concatenate([inner, marks, jumps]))
+        dynamics = cls._sampled(grid, _Origin(arm, path, torque_reserve, speed_max, tool_speed_m_s))
+        return dynamics if intervals is not None else dynamics._settled()
+
+    def _settled(self) -> PathDynamics:
+        """The same limits on a grid that has been halved until that changes the minimum time no longer."""
+        assert self._origin is not None
+        dynamics = self
+        for _ in range(HALVINGS_MAX):
+            grid = dynamics.grid
+            if 2 * len(grid) > INTERVALS_SETTLED_MAX or is_settled(dynamics.rows):
+                break
+            grid = np.sort(np.concatenate([grid, 0.5 * (grid[1:] + grid[:-1])[np.diff(grid) > 0.0]]))
+            dynamics = self._sampled(grid, self._origin)
+        return dynamics
 
     @classmethod
-    def _sampled(
-        cls, arm: Arm, path: AbstractJointPath, grid: Floats, torque_reserve: float, speed_cap: SpeedCap | None
-    ) -> PathDynamics:
+    def _sampled(cls, grid: Floats, origin: _Origin) -> PathDynamics:
         """On a given grid, in which stations where coefficients jump appear twice."""
+        arm, path, torque_reserve, speed_cap, tool_speed = origin
         q, dq, ddq = path.sampled(grid, arm.dof)
         sign = moving(dq)
         for k in np.flatnonzero(np.diff(grid) == 0.0):  # the first of the two rows belongs to the piece before
@@ -277,10 +328,12 @@ class PathDynamics:
         if speed_cap is not None:
             cap = floats(speed_cap(grid) if callable(speed_cap) else speed_cap, "speed_max")
             speed_max = np.minimum(speed_max, np.broadcast_to(cap, grid.shape))
+        if tool_speed is not None:
+            speed_max = np.minimum(speed_max, _tool_caps(arm, path, grid, tool_speed))
         limit = (1.0 - torque_reserve) * arm.torque_max
         limit = np.concatenate([limit, arm.acceleration_max[np.isfinite(arm.acceleration_max)]])
         dynamics = cls(grid, M, Q, R, S, -limit, limit, speed_max)
-        return dynamics._with(arm.dof, _Origin(arm, path, torque_reserve, speed_cap))
+        return dynamics._with(arm.dof, origin)
 
     def _with(self, joints: int, origin: _Origin | None) -> PathDynamics:
         """The same rows; what they are of."""
@@ -322,8 +375,7 @@ class PathDynamics:
         """The same limits at other stations, those twice at which coefficients jump; needs an arm and a path."""
         if self._origin is None:
             raise InputError("bare arrays cannot be sampled anew", remedy="build them with PathDynamics.from_path")
-        arm, path, torque_reserve, speed_cap = self._origin
-        return self._sampled(arm, path, grid, torque_reserve, speed_cap)
+        return self._sampled(grid, self._origin)
 
     def between(self, start: float, stop: float, *, intervals: int = 100) -> PathDynamics:
         """The same limits on the part of the path from ``start`` to ``stop``, in ``intervals`` equal ones or finer.
@@ -354,6 +406,19 @@ class PathDynamics:
         return PathDynamics(grid[order], *joined)._with(self.joints, self._origin)
 
     @property
+    def rows(self) -> Rows:
+        """The limits as arrays for compiled loops."""
+        return Rows(
+            self.grid,
+            self.M,
+            self.Q,
+            self.R,
+            self.torque_min - self.S,
+            self.torque_max - self.S,
+            np.minimum(self.speed_max, 1e6) ** 2,
+        )
+
+    @property
     def length(self) -> float:
         """``lambda_max``, the last station."""
         return float(self.grid[-1])
@@ -372,6 +437,15 @@ class PathDynamics:
         rows = _coefficients(self._origin.arm, q, dq, ddq, moving(dq))
         M, Q, R, S = (row.reshape(*lam.shape, -1) for row in rows)
         return M, Q, R, S
+
+    def tool_speed_ratio(self, lam: Floats, mu: Floats) -> Floats:
+        """The tip's linear speed over its limit (...) at speeds ``mu`` (...); 0 without such a limit."""
+        if self._origin is None or self._origin.tool_speed is None:
+            return np.zeros(np.shape(lam))
+        flat = np.ravel(lam)
+        per_lambda = _tip_speed(self._origin.arm, self._origin.path, flat)
+        ratio = np.ravel(mu) * per_lambda / _limits_at(self._origin.tool_speed, flat)
+        return np.asarray(ratio.reshape(np.shape(lam)))
 
     def torque(self, lam: ArrayLike, mu: ArrayLike, mu_dot: ArrayLike) -> Floats:
         """Torques ``M mu_dot + Q mu^2 + R mu + S`` (..., joints) [N m] of a motion (Lee1991 eq. 8)."""

@@ -57,15 +57,7 @@ class PhasePlane:
             raise InputError(f"mu_end must be finite and not negative, got {mu_end}")
         self.dynamics = dynamics
         self.mu_end = float(mu_end)
-        self.rows = Rows(
-            dynamics.grid,
-            dynamics.M,
-            dynamics.Q,
-            dynamics.R,
-            dynamics.torque_min - dynamics.S,
-            dynamics.torque_max - dynamics.S,
-            np.minimum(dynamics.speed_max, 1e6) ** 2,
-        )
+        self.rows = dynamics.rows
         count = len(dynamics.grid)
         self.sets, self.counts = np.zeros((count, SET_INTERVALS_MAX, 2)), np.zeros(count, dtype=np.int64)
         failed = controllable_sets(self.rows, self.mu_end**2, False, NO_PROFILE, self.sets, self.counts)

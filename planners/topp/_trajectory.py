@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Floats, Ints, all_finite
 from armtempo.errors import InfeasibleError, InputError, PathError
 from armtempo.planners.geometry import floats
+from armtempo.planners.topp._duration_bound import DurationBound, duration_bound
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 from armtempo.robots import njit
 
@@ -63,7 +64,7 @@ class MotionCertificate:
 
     Attributes:
         torque_ratio_max: Largest |torque| / limit (1 is the limit; limits that differ in sign count from their middle).
-        speed_ratio_max: Largest speed / speed limit, of the joints and of mu itself.
+        speed_ratio_max: Largest speed / speed limit, of the joints, of mu itself and of the tool.
         acceleration_ratio_max: Largest joint acceleration / limit; 0 without such limits.
         jerk_ratio_max: Largest joint jerk / limit; 0 where none was asked for.
         worst_station: Where the torque ratio is largest [lambda].
@@ -231,6 +232,7 @@ class PhaseTrajectory:
             sign[:, 0] = sign[:, -1] = sign[:, CERTIFY_SAMPLES // 2]
             torque += arm.damping * qd + arm.coulomb * np.where(mu[..., None] > 0.0, sign, 0.0)
             speed = np.maximum(speed, worst_share(qd, arm.speed_max))
+            speed = np.maximum(speed, dynamics.tool_speed_ratio(lam, mu))
             acceleration = worst_share(qdd, arm.acceleration_max)
         ratio = np.empty((*lam.shape, joints))
         _limit_shares(
@@ -264,6 +266,12 @@ class PhaseTrajectory:
             end_error=float(abs(self.lam[-1] - self.dynamics.length)),
             end_speed_error=float(abs(self.mu[-1] - self.mu_end)),
         )
+
+    @cached_property
+    def bound(self) -> DurationBound:
+        """Lower bound of the duration of any motion with the same ends inside the limits; is it proven."""
+        first, last = (float(self.lam[end]) for end in (0, -1))
+        return duration_bound(self.dynamics, (first, last), (float(self.mu[0]), float(self.mu[-1])))
 
     def stations_above(self, tolerance: float) -> Floats:
         """The sampled stations at which a torque, speed or acceleration exceeds its limit by more than that share."""
