@@ -64,7 +64,8 @@ def kinematic_arms() -> dict[str, Arm]:
 
 def draws(known: dict[str, Arm], count: int, seed: int) -> list[Draw]:
     """Natural splines through 3 to 6 points; jerk limits from the largest acceleration of the fastest motion."""
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found: list[Draw] = []
     while len(found) < count:
         name, binds = list(known)[len(found) % 3], list(RAMPS)[len(found) // 3 % 3]
         arm = known[name]
@@ -127,7 +128,7 @@ def peers_motion(copp: Any, one: Draw, intervals: int = 1000) -> tuple[list[floa
     durations, first = [], 0.0
     for _ in range(ROUNDS):
         third = copp.solver.topp3_lp
-        more = {} if b is None else {"b_linearization": b}
+        more: dict[str, Floats] = {} if b is None else {"b_linearization": b}
         problem = third.Problem(
             robot.constraints, a, idx_s_start=0, a_boundary=(0.0, 0.0), b_boundary=(0.0, 0.0), num_stationary_max=1,
             **more,
