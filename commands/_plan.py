@@ -23,6 +23,7 @@ def plan(
         float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: the cell's)")
     ] = None,
     orders: Literal["best", "file", "all"] = "best",
+    smooth: bool = False,
     export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: none)")] = None,
     period: Annotated[
         float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: 0.001, or the tick)")
@@ -40,6 +41,8 @@ def plan(
         control_period: Step of vci in seconds: the time for which one of its commands holds.
         orders: Of several arms, the first of which never yields: the best order of each method, that of the file, or
             all of them, each with a plan of its own.
+        smooth: Plans of motions within the arms' jerk limits (limits.jerk_rad_s3), started so that each plan's passing
+            order stays as it is; the table says what that costs.
         export: Write the motion of every arm by every method to this folder, as METHOD-ARM.csv: time_s, q_rad,
             qd_rad_s, qdd_rad_s2 and torque_nm of every joint.
         period: Time between the rows of exported motions in seconds; the last row is exactly at the end. Without it
@@ -55,7 +58,9 @@ def plan(
     built = open_cell(cell, output)
     from armtempo.commands.plans import PLANS  # late: it imports the planners, and --help is to be quick
 
-    plans = PLANS[built.config.kind](built, methods, output, control_period=control_period, orders=orders)
+    plans = PLANS[built.config.kind](
+        built, methods, output, control_period=control_period, orders=orders, smooth=smooth
+    )
     with output.progress("Certifying"):
         entries = plans.entries()
     for table in plans.tables(entries):

@@ -28,12 +28,14 @@ HEADS = (
     "free between\nsamples",
     "planned in\n\\[s]",
 )
+SMOOTH_HEADS = ("peak jerk\n\\[x limit]", "price of\njerk limits\n\\[%]")
 
 
 class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
     METHODS = METHODS
     SHOWN = "vci"
     HAS_CONTROL_PERIOD = True
+    HAS_SMOOTH = True
 
     def prepare(self, tell: Callable[[str], object]) -> None:
         cell = self.cell
@@ -53,7 +55,8 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
 
     def plan(self, method: str) -> Schedule:
         name, order = self._asked[method]
-        return schedule(self.cell, name, order=order, period=self.control_period if name == "vci" else None)
+        period = self.control_period if name == "vci" else None
+        return schedule(self.cell, name, order=order, period=period, smooth=self.smooth)
 
     def facts(self) -> dict[str, Any]:
         cell = self.cell
@@ -79,6 +82,8 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
             "min_clearance_m": certificate.min_clearance,
             "torque_ratio_max": certificate.torque_ratio_max,
             "speed_ratio_max": certificate.speed_ratio_max,
+            "jerk_ratio_max": certificate.jerk_ratio_max,
+            "smoothing_price_percent": plan.smoothing_price_percent,
             "certified_free": certificate.certified_free,
             "end_error_lambda": certificate.end_error,
             "fallback": plan.fallback,
@@ -100,6 +105,8 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         table.add_column("method", no_wrap=True)
         for head in HEADS:
             table.add_column(head, justify="right")
+        for head in SMOOTH_HEADS if self.smooth else ():
+            table.add_column(head, justify="right")
         told = len(cell.arms) > 1 and self.orders != "all"  # else the names of the plans tell
         if told:
             table.add_column("priority")
@@ -115,6 +122,11 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
                 number(entry["speed_ratio_max"], 3),
                 "–" if len(cell.arms) == 1 else "yes" if entry["certified_free"] else "[red]no[/]",
                 number(entry["planning_time_s"], 3),
+                *(
+                    [number(entry["jerk_ratio_max"], 3), number(entry["smoothing_price_percent"], 2)]
+                    if self.smooth
+                    else []
+                ),
                 *([", ".join(shown(arm) for arm in entry["order"])] if told else []),
                 style="bold" if entry["makespan_s"] < best + 1e-4 else None,
             )

@@ -30,6 +30,7 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         output: For progress bars.
         control_period: Step of velocity control [s], in the kinds that have it; None: the cell's.
         orders: Of the arms, in the kinds of several: the best, that of the file, or all, each a plan of its own.
+        smooth: Whether motions keep jerk limits, in the kinds that have such.
 
     Attributes:
         plans: By method.
@@ -38,7 +39,7 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
 
     Raises:
         UnknownNameError: No such method.
-        InputError: A control period where there is no velocity control.
+        InputError: A control period where there is no velocity control, or smooth where there is no such choice.
         InfeasibleError: No method has a plan (that of the last one asked); or PathError, likewise.
     """
 
@@ -47,6 +48,8 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
     """The method that figures show in detail; None: they show all alike."""
     HAS_CONTROL_PERIOD: ClassVar[bool] = False
     """Whether a method of velocity control is among them."""
+    HAS_SMOOTH: ClassVar[bool] = False
+    """Whether plans can be asked to keep jerk limits."""
 
     def __init__(
         self,
@@ -56,8 +59,14 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         *,
         control_period: float | None = None,
         orders: Orders = "best",
+        smooth: bool = False,
     ) -> None:
-        self.cell, self.control_period, self.orders = cell, control_period, orders
+        self.cell, self.control_period, self.orders, self.smooth = cell, control_period, orders, smooth
+        if smooth and not self.HAS_SMOOTH:
+            raise InputError(
+                f"--smooth is for cells of several arms, and {cell.name} is of kind {cell.config.kind}",
+                remedy="leave it out",
+            )
         if control_period is not None and not self.HAS_CONTROL_PERIOD:
             raise InputError(
                 f"--control-period is for cells of several arms, and {cell.name} is of kind {cell.config.kind}",

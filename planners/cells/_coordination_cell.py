@@ -20,7 +20,7 @@ from armtempo.planners.coordination import (
     pairs_to_refine,
 )
 from armtempo.planners.joint_paths import AbstractJointPath
-from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, refined_plane
+from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, minimum_time, refined_plane
 from armtempo.robots import Arm, Clearance, Shape
 
 BOUND_GRID = 8000  # intervals
@@ -120,6 +120,16 @@ class CoordinationCell(CellBase[CellConfig]):
     def fastest(self) -> tuple[PhaseTrajectory, ...]:
         """The minimum-time motion of every arm."""
         return self.timing.fastest
+
+    @cached_property
+    def fastest_smooth(self) -> tuple[PhaseTrajectory, ...]:
+        """The same within the jerk limits of the arms.
+
+        Raises:
+            InputError: An arm has none.
+            InfeasibleError: No motion keeps them.
+        """
+        return tuple(minimum_time(dynamics, jerk=True) for dynamics in self.dynamics)
 
     @property
     def sequential_makespan(self) -> float:

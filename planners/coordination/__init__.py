@@ -16,6 +16,7 @@ from armtempo.planners.coordination._makespan_bound import (
     PriorityClass,
     pair_bound,
 )
+from armtempo.planners.coordination._order_delays import order_delays
 from armtempo.planners.coordination._order_search import OrderSearch, order_tables
 from armtempo.planners.coordination._passing_orders import Orders, PassingOrders, PassingRegion
 from armtempo.planners.coordination._precedence import Precedence
@@ -50,6 +51,7 @@ __all__ = [
     "offset",
     "one_by_one",
     "optimal",
+    "order_delays",
     "order_tables",
     "pair_bound",
     "pair_is_free",

@@ -33,7 +33,7 @@ class Occupancy(NamedTuple):
     def of(cls, motion: PhaseTrajectory, length: float, columns: int) -> Occupancy:
         """Of a motion along a path of ``length`` cut into equal columns."""
         border = np.minimum(length / columns * np.arange(columns + 1), motion.lam[-1])
-        enter, leave = motion.time_at(border[:-1]), _last_time_at(motion, border[1:])
+        enter, leave = motion.time_at(border[:-1]), motion.last_time_at(border[1:])
         enter[border[:-1] <= motion.lam[0]] = -np.inf
         leave[border[1:] < motion.lam[0]] = -np.inf
         leave[border[1:] >= motion.lam[-1]] = np.inf
@@ -54,15 +54,6 @@ class Runs(NamedTuple):
         if not isinstance(other, Occupancy):
             other = Occupancy.of(other, self.length_a, len(self.first) - 1)
         return other.enter[self.low] - WINDOW_MARGIN, other.leave[self.high] + WINDOW_MARGIN
-
-
-def _last_time_at(motion: PhaseTrajectory, lam: Floats) -> Floats:
-    """The last instant at which ``lam`` is reached; ``time_at`` gives the first."""
-    i = np.clip(np.searchsorted(motion.lam, lam, side="right") - 1, 0, len(motion.lam) - 2)
-    way = np.clip(lam - motion.lam[i], 0.0, None)
-    pace = motion.mu[i] + np.sqrt(np.maximum(motion.mu[i] ** 2 + 2.0 * motion.mu_dot[i] * way, 0.0))
-    step = np.divide(2.0 * way, pace, out=np.zeros_like(way), where=pace > 0.0)
-    return np.minimum(motion.time[i] + step, motion.time[i + 1])
 
 
 @njit
@@ -147,8 +138,8 @@ def pair_is_free(chart: CoordinationChart, motion_a: PhaseTrajectory, motion_b: 
     """Whether two motions stay in free cells of their chart at all times, and either a little early or late."""
     border_a: Floats = chart.step_a * np.arange(1, chart.resolution, dtype=np.float64)
     border_b: Floats = chart.step_b * np.arange(1, chart.resolution, dtype=np.float64)
-    crossed_a = np.concatenate([motion_a.time_at(border_a), _last_time_at(motion_a, border_a), motion_a.time])
-    crossed_b = np.concatenate([motion_b.time_at(border_b), _last_time_at(motion_b, border_b), motion_b.time])
+    crossed_a = np.concatenate([motion_a.time_at(border_a), motion_a.last_time_at(border_a), motion_a.time])
+    crossed_b = np.concatenate([motion_b.time_at(border_b), motion_b.last_time_at(border_b), motion_b.time])
     end = max(motion_a.duration, motion_b.duration)
     for shift in (-CHECKED_SHIFT, 0.0, CHECKED_SHIFT):
         instants = np.unique(np.concatenate([crossed_a, crossed_b + shift]))

@@ -23,6 +23,7 @@ class ScheduleCertificate:
     Attributes:
         torque_ratio_max: Largest |torque| / limit, sampled ten times per interval from the robot model.
         speed_ratio_max: Largest mu / speed limit.
+        jerk_ratio_max: Largest joint jerk / limit; 0 of motions without jerk limits.
         min_clearance: Smallest FCL distance between two arms [m], every 0.2 ms; infinite for one arm.
         certified_free: Whether the motion stays in cells of the chart that are certified free, between samples too.
         end_error: Largest distance of an arm's last row from the end of its path [lambda].
@@ -30,6 +31,7 @@ class ScheduleCertificate:
 
     torque_ratio_max: float
     speed_ratio_max: float
+    jerk_ratio_max: float
     min_clearance: float
     certified_free: bool
     end_error: float
@@ -43,6 +45,7 @@ def certify(cell: CoordinationCell, motions: Sequence[PhaseTrajectory]) -> Sched
     return ScheduleCertificate(
         torque_ratio_max=max(one.torque_ratio_max for one in own),
         speed_ratio_max=max(one.speed_ratio_max for one in own),
+        jerk_ratio_max=max(one.jerk_ratio_max for one in own),
         min_clearance=_min_clearance(cell, motions, makespan),
         certified_free=all(_is_covered(cell.chart_between(i, j), motions[i], motions[j], makespan) for i, j in pairs),
         end_error=max(one.end_error for one in own),

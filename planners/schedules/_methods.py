@@ -32,6 +32,7 @@ from armtempo.planners.coordination import (
 )
 from armtempo.planners.schedules._orders import all_orders, best_of, promising_orders
 from armtempo.planners.schedules._schedule import Schedule
+from armtempo.planners.schedules._smoothing import smoothed
 from armtempo.planners.schedules._trapezoidal import trapezoidal
 from armtempo.planners.topp import LIMIT_EXCESS_MAX
 
@@ -119,6 +120,7 @@ def schedule(
     period: float | None = None,
     gap: float | None = None,
     time_limit_s: float | None = None,
+    smooth: bool = False,
 ) -> Schedule:
     """Plan when every arm of a cell moves.
 
@@ -133,15 +135,20 @@ def schedule(
         gap: ``optimal`` stops when its plan is proven to be within this share of the best (default: 0.005).
         time_limit_s: ``optimal`` refines no further after so long [s], once there is a plan (default: it goes on until
             nothing better is in sight, and the same cell gives the same plan, bit by bit).
+        smooth: Every arm then makes its fastest motion within its jerk limits, started as early as keeps who passes
+            first where; no plan where that takes more than start delays.
 
     Raises:
         UnknownNameError: No such method.
         InputError: ``order`` does not name every arm once, ``period``, ``gap`` or ``time_limit_s`` is out of range, or
-            one of them is given to another method.
+            one of them is given to another method; or ``smooth``, and an arm has no jerk limits.
         CollisionError: The arms are too close where they start or where they end.
         InfeasibleError: The method has no solution here; the message says why, and what to try. That of ``optimal``
             has as its ``reason`` ``certified infeasible``, ``undecided`` or ``not holdable``.
     """
+    if smooth:
+        rough = schedule(cell, method, order=order, period=period, gap=gap, time_limit_s=time_limit_s)
+        return smoothed(rough)
     cell = as_cell(cell, CoordinationCell)
     if not isinstance(method, str) or method not in _PLANNERS:
         raise UnknownNameError("method", method, METHODS)

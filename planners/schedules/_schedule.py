@@ -24,6 +24,7 @@ class Schedule:
         vci: What velocity control of the last arm in ``order`` did, where it was asked.
         fallback: The method that planned instead of the one asked for, where that found no way.
         fallback_reason: Why it did.
+        unsmoothed: The plan without jerk limits whose passing order this one keeps, if it is one with.
     """
 
     method: str
@@ -33,6 +34,7 @@ class Schedule:
     vci: VciPlan | None = None
     fallback: str | None = None
     fallback_reason: str = ""
+    unsmoothed: Schedule | None = None
 
     @property
     def makespan(self) -> float:
@@ -48,6 +50,11 @@ class Schedule:
     def gap_percent(self) -> float:
         """(makespan - lower bound) / lower bound, in percent."""
         return 100.0 * (self.makespan / self.lower_bound - 1.0)
+
+    @property
+    def smoothing_price_percent(self) -> float:
+        """How much longer it takes than without jerk limits, in percent; 0 if it has none."""
+        return 0.0 if self.unsmoothed is None else 100.0 * (self.makespan / self.unsmoothed.makespan - 1.0)
 
     @property
     def planning_gap_percent(self) -> float:

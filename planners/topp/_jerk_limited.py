@@ -33,6 +33,7 @@ from armtempo.planners.topp._third_order import (
 from armtempo.planners.topp._trajectory import PhaseTrajectory
 
 REPAIRED_ABOVE = 5e-4  # of a limit: what the middle of an interval may have above it
+ACCEPTED_SHARE = 0.7  # of what may be above a limit: samples miss the peaks between them
 REPAIR_GAIN = 1.3  # of an excess: by so much the limits beside it are lowered
 REPAIRS_MAX = 3
 SLACK_FLOOR, WARM_SLACK_FLOOR = 0.1, 0.02
@@ -54,10 +55,12 @@ def jerk_limited(dynamics: PathDynamics, jerk_max: Floats) -> SmoothTrajectory:
     stops = stops_of(path, dynamics.grid[0], dynamics.grid[-1])
     for _ in range(REFINEMENTS_MAX):
         motion = _solved(dynamics, fastest, stops, jerk_max)
-        stations = motion.stations_above(LIMIT_EXCESS_MAX)
+        stations = motion.stations_above(ACCEPTED_SHARE * LIMIT_EXCESS_MAX)
         if not len(stations):
             return motion
         dynamics = dynamics.refined(stations)
+    if motion.certificate.excess <= LIMIT_EXCESS_MAX:
+        return motion
     raise InfeasibleError(
         f"limits of arm {arm.name!r} change too fast near station {stations[0]:.4g}: exceeded by "
         f"{100.0 * motion.certificate.excess:.2g} % even with {len(motion.lam)} stations",

@@ -109,22 +109,18 @@ def _graded(intervals: int) -> Floats:
 
 def _reversals(path: AbstractJointPath, joints: Bools) -> Floats:
     """Stations at which one of the ``joints`` turns back: Coulomb friction jumps there."""
-    found = []
-    for start, stop in zip(path.breakpoints[:-1], path.breakpoints[1:], strict=True):
-        inside = 1e-6 * (stop - start)  # breakpoints have rows on either side already
-        lam = np.linspace(start + inside, stop - inside, 257)
-        low, high = lam[:-1], lam[1:]
-        d_low, d_high = path.evaluate(low)[1], path.evaluate(high)[1]
-        turning = (d_low * d_high < 0.0) & joints
-        for joint in np.flatnonzero(turning.any(axis=0)):
-            a, b = low[turning[:, joint]], high[turning[:, joint]]
-            ahead = d_low[turning[:, joint], joint]
-            for _ in range(60):
-                middle = 0.5 * (a + b)
-                before = path.evaluate(middle)[1][:, joint] * ahead > 0.0
-                a, b = np.where(before, middle, a), np.where(before, b, middle)
-            found.append(b)
-    return np.unique(np.concatenate(found)) if found else np.empty(0)
+    start, stop = path.breakpoints[:-1, None], path.breakpoints[1:, None]
+    share = np.linspace(1e-6, 1.0 - 1e-6, 257)  # breakpoints have rows on either side already
+    lam = start + share * (stop - start)
+    slope = path.evaluate(lam)[1]
+    piece, row, joint = np.nonzero((slope[:, :-1] * slope[:, 1:] < 0.0) & joints)
+    a, b, ahead = lam[piece, row], lam[piece, row + 1], slope[piece, row, joint]
+    every = np.arange(len(a))
+    for _ in range(60 if len(a) else 0):
+        middle = 0.5 * (a + b)
+        before = path.evaluate(middle)[1][every, joint] * ahead > 0.0
+        a, b = np.where(before, middle, a), np.where(before, b, middle)
+    return np.unique(b)
 
 
 def _read_rows(grid: ArrayLike, M: ArrayLike, Q: ArrayLike, R: ArrayLike, S: ArrayLike) -> dict[str, Floats]:
@@ -323,7 +319,7 @@ class PathDynamics:
                 rows[k] = value
             sign[k], sign[k + 1] = sign[k - 1], sign[k + 2]
         M, Q, R, S = _coefficients(arm, q, dq, ddq, sign)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             speed_max = np.min(np.where(np.abs(dq) > 0.0, arm.speed_max / np.abs(dq), np.inf), axis=1)
         if speed_cap is not None:
             cap = floats(speed_cap(grid) if callable(speed_cap) else speed_cap, "speed_max")

@@ -112,18 +112,14 @@ class SmoothTrajectory(PhaseTrajectory):
         lam = np.clip(lam, self.lam[i], self.lam[i + 1])
         return lam, np.where(ended, 0.0, mu), np.where(ended, 0.0, mu_dot)
 
-    def time_at(self, lam: ArrayLike) -> Floats:
-        """The first instant [s] at which ``lam`` is reached (any shape); infinite beyond the last row."""
-        lam = np.asarray(lam, dtype=np.float64)
-        i = np.clip(np.searchsorted(self.lam, lam, side="left") - 1, 0, len(self.lam) - 2)
-        way = np.clip(lam - self.lam[i], 0.0, self.lam[i + 1] - self.lam[i])
+    def _step(self, i: Ints, way: Floats) -> Floats:
+        """How long intervals i take for their first ``way`` [s]."""
+        way = np.minimum(way, self.lam[i + 1] - self.lam[i])
         mu = np.sqrt(self._squared(i, way))
         step = passing_time(way, self.mu[i], mu, self.growth[i])
         share = way / np.maximum(self.lam[i + 1] - self.lam[i], 1e-300)
         cubic = np.where(self.mu[i] > 0.0, 1.0 - np.cbrt(1.0 - share), np.cbrt(share)) * np.diff(self.time)[i]
-        step = np.where(self.path_jerk[i] != 0.0, cubic, step)
-        reached = np.where(lam <= self.lam[0], 0.0, np.minimum(self.time[i] + step, self.time[i + 1]))
-        return np.where(lam > self.lam[-1], np.inf, reached)
+        return np.where(self.path_jerk[i] != 0.0, cubic, step)
 
     def _squared(self, i: Ints, way: Floats) -> Floats:
         """``mu^2`` after a way into intervals i."""
@@ -150,6 +146,10 @@ class SmoothTrajectory(PhaseTrajectory):
 
     def _samples(self) -> tuple[Floats, Floats, Floats]:
         """``lam``, ``mu``, ``mu_dot`` (N, CERTIFY_SAMPLES) inside every interval."""
+        return self._certified_samples
+
+    @cached_property
+    def _certified_samples(self) -> tuple[Floats, Floats, Floats]:
         return self.inside(np.linspace(0.0, 1.0, CERTIFY_SAMPLES))
 
     def inside(self, shares: ArrayLike) -> tuple[Floats, Floats, Floats]:

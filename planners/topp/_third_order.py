@@ -76,7 +76,7 @@ def first_interval(dynamics: PathDynamics, jerk_max: Floats, row: int, mu: Float
     assert path is not None
     a, hold = side * dynamics.M[row], dynamics.S[row]
     up, down = dynamics.torque_max[row] - hold, hold - dynamics.torque_min[row]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         acceleration = float(np.where(a > 0.0, up / a, np.where(a < 0.0, down / -a, np.inf)).min())
         speed = np.abs(path.evaluate(grid[row : row + 1], before=side < 0)[1][0])
         jerk = float(np.where(speed > 0.0, jerk_max / speed, np.inf).min())

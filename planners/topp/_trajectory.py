@@ -186,12 +186,21 @@ class PhaseTrajectory:
         """The first instant [s] at which ``lam`` is reached (any shape); infinite beyond the last row."""
         lam = np.asarray(lam, dtype=np.float64)
         i = np.clip(np.searchsorted(self.lam, lam, side="left") - 1, 0, len(self.lam) - 2)
-        way = np.clip(lam - self.lam[i], 0.0, None)
-        mu = np.sqrt(np.maximum(self.mu[i] ** 2 + 2.0 * self.mu_dot[i] * way, 0.0))
-        pace = self.mu[i] + mu
-        step = np.divide(2.0 * way, pace, out=np.zeros_like(way), where=pace > 0.0)
+        step = self._step(i, np.clip(lam - self.lam[i], 0.0, None))
         reached = np.where(lam <= self.lam[0], 0.0, np.minimum(self.time[i] + step, self.time[i + 1]))
         return np.where(lam > self.lam[-1], np.inf, reached)
+
+    def last_time_at(self, lam: ArrayLike) -> Floats:
+        """The last instant [s] at which ``lam``, no farther than the last row, is reached (any shape)."""
+        lam = np.asarray(lam, dtype=np.float64)
+        i = np.clip(np.searchsorted(self.lam, lam, side="right") - 1, 0, len(self.lam) - 2)
+        way = np.clip(lam - self.lam[i], 0.0, None)
+        return np.minimum(self.time[i] + self._step(i, way), self.time[i + 1])
+
+    def _step(self, i: Ints, way: Floats) -> Floats:
+        """How long intervals i take for their first ``way`` [s]."""
+        pace = self.mu[i] + np.sqrt(np.maximum(self.mu[i] ** 2 + 2.0 * self.mu_dot[i] * way, 0.0))
+        return np.divide(2.0 * way, pace, out=np.zeros_like(way), where=pace > 0.0)
 
     def torque(self) -> Floats:
         """(N, 2, n) torques at the start and the end of every interval [N m]."""

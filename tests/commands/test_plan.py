@@ -201,3 +201,30 @@ def test_runs_are_thinned_by_whole_ticks(short_ik_cell: str, capsys: pytest.Capt
     assert motion.time == pytest.approx([0.0, 0.03, 0.06, 0.09, 0.12, 0.15, 0.18, 0.2])
     assert main([*line, "--export", "out", "--period", "0.0015"]) == 2
     assert "--period of 0.0015 s is not a whole number of ticks of 0.001 s" in capsys.readouterr().err
+
+
+def test_smooth_plans_keep_jerk_limits_and_tell_what_they_cost(
+    cell_file: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = cell_file(("torque_nm: [25, 7]", "torque_nm: [25, 7], jerk_rad_s3: [4000, 8000]"))
+    line = ["plan", file, "--smooth", "--methods", "delay", "constant-speed", "--export", "out"]
+    assert main([*line, "--json", "plan.json"]) == 0
+    out = capsys.readouterr().out
+    assert "jerk" in out
+    assert "constant-speed has no plan" in out
+    data = load("plan.json")["methods"]
+    assert 0.95 < data["delay"]["jerk_ratio_max"] <= 1.001
+    assert 0.0 < data["delay"]["smoothing_price_percent"] < 30.0
+    assert data["delay"]["certified_free"] is True
+    for file in ("out/delay-master.csv", "out/delay-slave.csv"):
+        motion = read_trajectory(file)
+        jerk = np.abs(np.diff(motion.qdd[:-1], axis=0)) / 0.001
+        assert (jerk <= np.array([4000.0, 8000.0]) * 1.001).all()
+        assert (np.abs(motion.torque) <= np.array([25.0, 7.0]) * 1.001).all()
+
+
+def test_smooth_is_for_arms_with_jerk_limits_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "lee1991", "--smooth", "--methods", "delay"]) != 0
+    assert "has no jerk limits" in capsys.readouterr().err
+    assert main(["plan", "chung", "--smooth", "--methods", "feedback"]) != 0
+    assert "--smooth is for cells of several arms" in capsys.readouterr().err
