@@ -153,7 +153,7 @@ def _shared(wanted: Floats, lengths: Floats) -> Floats:
     inner = lengths[1:-1]
     right[:-1] = np.maximum(0.5 * inner, inner - wanted[1:])
     left[1:] = np.maximum(0.5 * inner, inner - wanted[:-1])
-    return np.minimum(wanted, np.minimum(left, right))
+    return np.asarray(np.minimum(wanted, np.minimum(left, right)))
 
 
 def _check_curves(

@@ -43,6 +43,7 @@ from armtempo.planners.line_speed._stations import stations
 
 ROUNDS_MAX = 12
 ROUND_GAIN_MIN = 2e-3  # a round that gains less, as a share of the time, is the last
+SHARP, SHARP_GAIN_MIN = 1e-3, 2e-4  # the same where a bend's largest v^2 is so small a share: there rounds gain slowly
 LIMIT_POINTS = np.array([1e-6, 0.5, 1.0 - 1e-6])  # shares of every interval where the limits are asked
 TRIMS_MAX = 4
 QUINTICS_PER_INTERVAL = 2
@@ -253,6 +254,7 @@ class _Program:
             InfeasibleError: A program that cannot be solved.
         """
         unknowns, best, reference = np.zeros(self.free.shape[1]), math.inf, self.guess
+        gain = SHARP_GAIN_MIN if self.cap.min() < SHARP * self.cap.max() else ROUND_GAIN_MIN
         for _ in range(ROUNDS_MAX):
             candidate = self.round(reference)
             time = self.time(candidate)
@@ -260,7 +262,7 @@ class _Program:
                 candidate = 0.5 * (candidate + unknowns)
                 time = self.time(candidate)
             if time < math.inf:
-                settled = best - time < ROUND_GAIN_MIN * best < math.inf
+                settled = best - time < gain * best < math.inf
                 unknowns, best = candidate, time
                 if settled:
                     break

@@ -51,7 +51,8 @@ def guessed_speeds(s: Floats, cap: Floats, acceleration: float, jerk: float, out
 
 def square_caps(limits: LineSpeedLimits, curvature: Floats) -> Floats:
     """The largest v^2 by speed and normal acceleration, at curvature vectors (..., 3)."""
-    return np.minimum(limits.speed**2, limits.normal / np.maximum(np.linalg.norm(curvature, axis=-1), 1e-300))
+    bend = np.linalg.norm(curvature, axis=-1)
+    return np.asarray(np.minimum(limits.speed**2, limits.normal / np.maximum(bend, 1e-300)))
 
 
 def guessed_squares(path: Any, limits: LineSpeedLimits, s: Floats, ends: Floats) -> Floats:

@@ -238,7 +238,7 @@ def test_a_nearly_tangent_arc_is_blended_within_its_tolerance() -> None:
 @pytest.mark.parametrize("degrees", [30.0, 135.0, 160.0])
 def test_tolerances_of_nanometres_are_all_accepted(curve: str, degrees: float) -> None:
     turn = math.radians(degrees)
-    points = [[0, 0, 0], [0.3, 0, 0], [0.3 + 0.3 * math.cos(turn), 0.3 * math.sin(turn), 0]]
+    points = np.array([[0, 0, 0], [0.3, 0, 0], [0.3 + 0.3 * math.cos(turn), 0.3 * math.sin(turn), 0]])
     for tolerance in 10.0 ** np.linspace(-10.0, -6.0, 9):
         path = BlendedPath.through(points, tolerance=tolerance, curve=curve)
         assert path.deviation[0] == pytest.approx(tolerance, rel=1e-9, abs=1e-15)

@@ -156,7 +156,7 @@ def test_arcs_of_rounded_coordinates_run_from_point_to_point(step: float, radius
         angles = first + np.array([0.0, rng.uniform(0.05, 6.0)])
         start, end = np.round((center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)) / step) * step
         given = start + np.round((center - start) / step) * step
-        arc = Arc(*(np.append(point, 0.0) for point in (start, end, given)), a(0, 0, 1))
+        arc = Arc(a(*start, 0), a(*end, 0), a(*given, 0), a(0, 0, 1))
         np.testing.assert_allclose(arc.evaluate([0.0, arc.length])[0][:, :2], [start, end], atol=1e-12)
         assert arc.center_shift == pytest.approx(np.linalg.norm(arc.center[:2] - given), abs=1e-15)
         assert np.linalg.norm(arc.center[:2] - center) <= 0.25 * radius

@@ -29,7 +29,7 @@ def apart(fit: SmoothFit, points: Floats) -> float:
     """The larger of both one-sided distances, by nearest of dense samples: too large by their spacing at most."""
     way = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(fit.knots)])
     one, other = curve(fit)(way), chords(points)
-    return float(max(cKDTree(other).query(one)[0].max(), cKDTree(one).query(other)[0].max()))
+    return max(np.max(cKDTree(b).query(a)[0]) for a, b in ((one, other), (other, one)))
 
 
 def half_circle(radius: float, count: int) -> Floats:
@@ -62,10 +62,8 @@ def test_ends_are_kept_and_four_derivatives_are_continuous() -> None:
     np.testing.assert_allclose(curve(fit)(fit.knots[[0, -1]]), points[[0, -1]], atol=1e-12)
     steps = np.diff(fit.knots)[:, None]
     for order in range(5):
-        ends = sum(
-            np.prod(np.arange(k, k - order, -1)) * fit.coefficients[:, k] * steps ** (k - order)
-            for k in range(order, 6)
-        )
+        falling = [np.prod(np.arange(k, k - order, -1)) for k in range(6)]
+        ends = np.sum([falling[k] * fit.coefficients[:, k] * steps ** (k - order) for k in range(order, 6)], axis=0)
         starts = np.prod(np.arange(order, 0, -1)) * fit.coefficients[:, order]
         size = np.abs(starts).max() + 1e-9
         np.testing.assert_allclose(ends[:-1] / size, starts[1:] / size, atol=1e-9)
@@ -92,7 +90,7 @@ def test_noise_is_smoothed_where_a_recording_rests_too(tolerance: float) -> None
     assert len(fit.knots) <= 60
     assert fit.knots[-1] == pytest.approx(smooth_fit(clean, tolerance).knots[-1], rel=2e-3)
     t = np.linspace(0.0, fit.knots[-1], 20001)
-    assert cKDTree(curve(fit)(t)).query(noisy)[0].max() <= fit.deviation + fit.knots[-1] / 20000
+    assert np.max(cKDTree(curve(fit)(t)).query(noisy)[0]) <= fit.deviation + fit.knots[-1] / 20000
 
 
 def test_points_may_be_given_twice_and_rest_may_be_noise() -> None:

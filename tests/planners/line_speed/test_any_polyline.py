@@ -85,7 +85,7 @@ def test_limits_hold_and_no_cubic_is_slower_than_stopping(seed: int) -> None:
     assert worst_ratio(path, profile, limits) <= 1.0 + 1e-6
     assert profile.certificate.ratio_max <= 1.0 + 1e-6
     if curve == "cubic":  # others bend so much between straight ends that to stop in the corner can be quicker
-        assert profile.duration <= stopping(points, limits) * (1.0 + 1e-3)
+        assert profile.duration <= stopping(points, limits) * (1.0 + 3e-3)
 
 
 @pytest.mark.parametrize(("jerk", "tolerance", "first"), [(200.0, 0.005, 179.0), (20.0, 0.02, 160.0)])
