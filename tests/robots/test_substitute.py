@@ -72,8 +72,8 @@ def test_the_substitute_is_a_body_of_one_density(bare: Path) -> None:
     z = np.linspace(-0.5 * length - radius, 0.5 * length + radius, 400_001)  # slices: discs
     disc = radius**2 - np.maximum(np.abs(z) - 0.5 * length, 0.0) ** 2
     density = mass / np.trapezoid(np.pi * disc, z)
-    along = density * np.trapezoid(0.5 * np.pi * disc**2, z)
-    across = density * np.trapezoid(np.pi * disc * (z**2 + 0.25 * disc), z)
+    along = float(density * np.trapezoid(0.5 * np.pi * disc**2, z))
+    across = float(density * np.trapezoid(np.pi * disc * (z**2 + 0.25 * disc), z))
     np.testing.assert_allclose(com, 0.5 * (p0 + p1))
     np.testing.assert_allclose(np.linalg.eigvalsh(inertia), [along, across, across], rtol=1e-6)
     with pytest.raises(RobotError, match="substitute_mass = -1"):

@@ -109,7 +109,7 @@ def test_a_hatch_is_quicker_than_stops_at_every_vertex() -> None:
     limits = LineSpeedLimits(speed=0.25, acceleration=2.0, jerk=20.0)
     for pitch in (0.0005, 0.001, 0.004):
         k = np.arange(8)
-        points = np.stack([0.15 * (k % 2), pitch * k, 0.0 * k], axis=1)
+        points: Floats = np.stack([0.15 * (k % 2), pitch * k, 0.0 * k], axis=1).astype(np.float64)
         path = BlendedPath.through(points, 0.05, tolerance=0.002)
         profile = limit_aware_profile(path, limits)
         assert profile.duration < stopping(points, limits)
