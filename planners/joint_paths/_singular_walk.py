@@ -76,11 +76,11 @@ class SingularWalk:
         """The direction of the task (m,) that is lost at joints q (n,), in its own units, and the idle motion (n,)."""
         left, _, right = np.linalg.svd(self._rows @ self.arm.jacobian(q))
         lost = left[:, -1] * np.linalg.norm(self._rows, axis=1)
-        return lost / np.linalg.norm(lost), np.array(right[-1])
+        return np.asarray(lost / np.linalg.norm(lost), dtype=np.float64), np.array(right[-1])
 
     def singular(self, q: Floats) -> Floats:
         """The least singular value (...) at joints (..., n)."""
-        return np.asarray(np.linalg.svd(self._rows @ self.arm.jacobian(q), compute_uv=False)[..., -1])
+        return np.asarray(np.linalg.svd(self._rows @ self.arm.jacobian(q), compute_uv=False)[..., -1], dtype=np.float64)
 
     def find(self, start: Floats) -> Walk | None:
         """From joints at the first station to the last; None: there is no way that goes on smoothly."""

@@ -32,7 +32,7 @@ from armtempo.errors import InputError, RobotError
 from armtempo.planners.geometry import floats, number
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.planners.topp._rows import Rows
-from armtempo.planners.topp._settled_grid import is_settled
+from armtempo.planners.topp._settled_grid import SETTLED_SHARE, change_by_halving
 from armtempo.robots import Arm, kernels
 
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
@@ -40,6 +40,7 @@ STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whateve
 INTERVALS_MAX = 10**7
 INTERVALS_FIRST, INTERVALS_SETTLED_MAX = 1000, 2**16  # of a grid that follows its path
 HALVINGS_MAX = 7
+FALLING_SHARE = 0.9  # of the change before: where halving changes the time by more it does not settle
 TOOL_SAMPLES = 5  # of an interval, for the tip's speed
 NUMBER_MAX = 1e60  # of a coefficient: products of several must not overflow
 SpeedCap = float | Callable[[Floats], ArrayLike]
@@ -299,11 +300,14 @@ class PathDynamics:
     def _settled(self) -> PathDynamics:
         """The same limits on a grid that has been halved until that changes the minimum time no longer."""
         assert self._origin is not None
-        dynamics = self
+        dynamics, before = self, np.inf
         for _ in range(HALVINGS_MAX):
-            grid = dynamics.grid
-            if 2 * len(grid) > INTERVALS_SETTLED_MAX or is_settled(dynamics.rows):
+            grid, change = dynamics.grid, change_by_halving(dynamics.rows)
+            if not change > SETTLED_SHARE or 2 * len(grid) > INTERVALS_SETTLED_MAX:
                 break
+            if change > FALLING_SHARE * before:  # a time that does not settle, of an arm that cannot hold still
+                return self
+            before = change
             grid = np.sort(np.concatenate([grid, 0.5 * (grid[1:] + grid[:-1])[np.diff(grid) > 0.0]]))
             dynamics = self._sampled(grid, self._origin)
         return dynamics

@@ -294,13 +294,13 @@ class PhasePlane:
             InfeasibleError: It is shorter than the minimum time, or longer than the slowest motion: the arm can stop
                 nowhere. The message says which limit is to blame.
         """
-        plane = self
+        plane, motion = self, self._lasting(duration, mu_start)
         for _ in range(REFINEMENTS_MAX):
-            motion = plane._lasting(duration, mu_start)
             above = motion.stations_above(LIMIT_EXCESS_MAX) if self.dynamics.arm is not None else ()
             if not len(above):
                 break
             plane = PhasePlane(plane.dynamics.refined(above), self.mu_end)
+            motion = plane._lasting(duration, mu_start)
         return motion
 
     def _lasting(self, duration: float, mu_start: float) -> PhaseTrajectory:

@@ -10,7 +10,7 @@ from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, control
 from armtempo.planners.topp._greedy import greedy_profile
 from armtempo.planners.topp._rows import Rows
 
-__all__ = ["SETTLED_SHARE", "is_settled", "rest_to_rest_time"]
+__all__ = ["SETTLED_SHARE", "change_by_halving", "is_settled", "rest_to_rest_time"]
 
 SETTLED_SHARE = 1e-3  # of the minimum time: what halving a grid may have changed
 
@@ -28,10 +28,15 @@ def rest_to_rest_time(rows: Rows) -> float:
         return float(np.where(way > 0.0, 2.0 * way / (mu[1:] + mu[:-1]), 0.0).sum())
 
 
+def change_by_halving(rows: Rows) -> float:
+    """By what share of the minimum time every other station would do worse; nan: there is no such time."""
+    time, coarser = rest_to_rest_time(rows), rest_to_rest_time(_thinned(rows))
+    return abs(coarser - time) / time if time > 0.0 else math.nan
+
+
 def is_settled(rows: Rows) -> bool:
     """Would every other station do, to 0.1 % of the minimum time? Also if there is no such time to tell."""
-    time, coarser = rest_to_rest_time(rows), rest_to_rest_time(_thinned(rows))
-    return not abs(coarser - time) > SETTLED_SHARE * time
+    return not change_by_halving(rows) > SETTLED_SHARE
 
 
 def _thinned(rows: Rows) -> Rows:
