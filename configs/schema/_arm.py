@@ -65,6 +65,8 @@ class LimitsConfig(FileModel):
     """Largest jerk, either way [rad/s^3] (prismatic joints: [m/s^3]); likewise. Kept by jerk-limited motions alone."""
     position_rad: tuple[tuple[Real, Real] | None, ...] | None = None
     """Lowest and highest position [rad] (prismatic joints: [m])."""
+    tool_speed_m_s: Positive | None = None
+    """Largest speed of the tip along its path [m/s]; segments of a path may have lower ones."""
 
     @field_validator("position_rad")
     @classmethod
@@ -94,7 +96,7 @@ def _over(cell: Entries, sheet: Entries) -> Entries:
     merged: dict[str, Any] = {}
     for key in type(cell).model_fields:
         own, other = getattr(cell, key), getattr(sheet, key)
-        if own is not None and other is not None and len(own) == len(other):
+        if isinstance(own, tuple) and isinstance(other, tuple) and len(own) == len(other):
             own = tuple(o if c is None else c for c, o in zip(own, other, strict=True))
         merged[key] = other if own is None else own
     return type(cell)(**merged)

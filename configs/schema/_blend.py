@@ -64,6 +64,8 @@ class BlendCellConfig(CellFileConfig):
                 "arm: its elbow is missing: positive or negative, of a two-link arm or a SCARA; "
                 "or give path.start_rad: joint positions at start_m"
             )
+        if self.arm.limits.tool_speed_m_s or any(one.tool_speed_m_s for one in self.arm.path.segments):
+            raise ValueError("arm: its tool_speed_m_s is for coordination cells; give line_speed.speed_m_s here")
         if self.arm.path.blend is not None:
             raise ValueError("arm: its path has a blend of its own; give it beside the arm only")
         self.blend.check_corners(len(self.arm.path.segments) - 1)

@@ -75,10 +75,12 @@ class SegmentConfig(FileModel):
 
     line: LineConfig | None = None
     arc: ArcConfig | None = None
+    tool_speed_m_s: Positive | None = None
+    """Largest speed of the tip on it, and on the blends at its ends [m/s]: seams go at it if torques suffice."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        exactly_one(self, "a segment")
+        exactly_one(self, "a segment", ("line", "arc"))
         return self
 
     @property

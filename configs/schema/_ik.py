@@ -122,6 +122,12 @@ class IKCellConfig(CellFileConfig):
         return (self.arm,)
 
     @model_validator(mode="after")
+    def _no_limits_of_paths(self) -> Self:
+        if self.arm.limits.tool_speed_m_s is not None:
+            raise ValueError("arm: its tool_speed_m_s is for coordination cells; a target says how fast it moves")
+        return self
+
+    @model_validator(mode="after")
     def _target_can_be_sampled(self) -> Self:
         poses, harmonic = self.target.poses, self.target.harmonic
         if harmonic is not None:

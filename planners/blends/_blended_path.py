@@ -241,6 +241,12 @@ class BlendedPath:
         self._quaternions = given
 
     @property
+    def segments_of_pieces(self) -> Ints:
+        """(K, 2) the numbers of the segments that each piece is of: of a blend those on either side, else one twice."""
+        blends = (self.packed.kind != LINE) & (self.packed.kind != ARC)
+        return np.stack([self._corner, self._corner + blends], axis=1)
+
+    @property
     def pieces(self) -> tuple[Line | Arc | Blend, ...]:
         """What is left of the segments, and the blends, in order."""
         if self._pieces is None:

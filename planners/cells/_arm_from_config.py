@@ -24,6 +24,7 @@ from armtempo.errors import ArmtempoError, ConfigError
 from armtempo.planners.blends import BlendedPath
 from armtempo.planners.geometry import Arc, CartesianPath, Line, pose_matrix
 from armtempo.planners.joint_paths import AbstractJointPath, JointPath
+from armtempo.planners.topp import SpeedCap
 from armtempo.robots import Arm, Shape, Tool, static_shape
 
 
@@ -87,12 +88,13 @@ def _segment_from(start: Floats, config: SegmentConfig) -> Line | Arc:
     return Arc(start, np.array(geometry.to_m), np.array(geometry.center_m), normal)
 
 
-def path_from(arm: Arm, cell: CellConfig, config: ArmConfig) -> AbstractJointPath:
-    given = config.path
+def path_from(arm: Arm, cell: CellConfig, config: ArmConfig) -> tuple[AbstractJointPath, SpeedCap | None]:
+    """The arm's path, and how fast its tip may go along it [m/s]."""
+    given, limit = config.path, config.limits.tool_speed_m_s
     if given.waypoints_rad is not None:
-        return JointPath.through(given.waypoints_rad, arm=arm)
+        return JointPath.through(given.waypoints_rad, arm=arm), limit
     if given.waypoints_file is not None:
-        return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm)
+        return JointPath.from_file(resolve_file(cell, given.waypoints_file), arm=arm), limit
     if config.elbow is None and given.start_rad is None:
         raise ConfigError(
             f"{cell.source}: path.start_rad: arm {arm.name!r} reaches the points of its path in several postures, and "
@@ -115,7 +117,20 @@ def path_from(arm: Arm, cell: CellConfig, config: ArmConfig) -> AbstractJointPat
             tolerance=blend.tolerance_m,
             curve=blend.curve,
         )
-    return JointPath.along(cartesian, arm, elbow=config.elbow, start=given.start_rad)
+    joints = JointPath.along(cartesian, arm, elbow=config.elbow, start=given.start_rad)
+    return joints, _tool_speed(cartesian, config)
+
+
+def _tool_speed(path: CartesianPath | BlendedPath, config: ArmConfig) -> SpeedCap | None:
+    """How fast the tip may go along a path of segments with limits of their own; blends have both neighbours'."""
+    limit, own = config.limits.tool_speed_m_s, [segment.tool_speed_m_s for segment in config.path.segments]
+    if not any(own):
+        return limit
+    caps = np.array([min(one or np.inf, limit or np.inf) for one in own])
+    if isinstance(path, BlendedPath):
+        caps = caps[path.segments_of_pieces].min(axis=1)
+    inner = path.breakpoints[1:-1]
+    return lambda lam: caps[np.searchsorted(inner, lam, side="right")]
 
 
 def segments_from(config: ArmConfig) -> list[Line | Arc]:

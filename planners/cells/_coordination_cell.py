@@ -67,10 +67,12 @@ class CoordinationCell(CellBase[CellConfig]):
             with located(f"{config.source}, arms[{i}]"):
                 arms.append(arm_from(config, given))
             with located(f"{config.source}, arms[{i}].path"):
-                paths.append(path_from(arms[i], config, given))
+                path, tool_speed = path_from(arms[i], config, given)
+                paths.append(path)
                 dynamics = PathDynamics.from_path(
-                    arms[i], paths[i], intervals=config.stations, torque_reserve=_reserve_of(config)
-                )
+                    arms[i], path, intervals=config.stations, torque_reserve=_reserve_of(config),
+                    tool_speed_m_s=tool_speed,
+                )  # fmt: skip
                 planes.append(refined_plane(dynamics, tick=config.physics_tick_s))
         obstacles = tuple(obstacle_from(config, obstacle) for obstacle in config.obstacles)
         cell = cls(
@@ -233,12 +235,9 @@ class CoordinationCell(CellBase[CellConfig]):
         that passes a place almost at rest because it cannot hold still there) the plan's own time is the bound.
         """
         motions = []
-        for arm, path, planned in zip(self.arms, self.paths, self.fastest, strict=True):
+        for dynamics, planned in zip(self.dynamics, self.fastest, strict=True):
             coarse, fine = (
-                PhasePlane(
-                    PathDynamics.from_path(arm, path, intervals=intervals, torque_reserve=self.torque_reserve)
-                ).fastest()
-                for intervals in (BOUND_GRID // 2, BOUND_GRID)
+                PhasePlane(dynamics.with_intervals(intervals)).fastest() for intervals in (BOUND_GRID // 2, BOUND_GRID)
             )
             least = min(fine.duration, planned.duration) - 2.0 * abs(coarse.duration - fine.duration)
             motions.append((fine, 1.0 - least / fine.duration))

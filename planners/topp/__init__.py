@@ -5,7 +5,7 @@ from __future__ import annotations
 from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
 from armtempo.planners.topp._duration_bound import DurationBound
 from armtempo.planners.topp._minimum_time import minimum_time
-from armtempo.planners.topp._path_dynamics import PathDynamics
+from armtempo.planners.topp._path_dynamics import PathDynamics, SpeedCap
 from armtempo.planners.topp._phase_plane import LIMIT_EXCESS_MAX, Mode, PhasePlane, refined_plane
 from armtempo.planners.topp._smooth_trajectory import SmoothTrajectory
 from armtempo.planners.topp._trajectory import MotionCertificate, PhaseTrajectory
@@ -23,6 +23,7 @@ __all__ = [
     "PhasePlane",
     "PhaseTrajectory",
     "SmoothTrajectory",
+    "SpeedCap",
     "diagnose",
     "minimum_time",
     "read_trajectory",

@@ -371,6 +371,16 @@ class PathDynamics:
         new = (self.grid[cut, None] + np.diff(self.grid)[cut, None] * np.array([0.25, 0.5, 0.75])).ravel()
         return self.on_stations(np.sort(np.concatenate([self.grid, new])))
 
+    def with_intervals(self, intervals: int) -> PathDynamics:
+        """The same limits on a grid of so many intervals; needs an arm and a path."""
+        if self._origin is None:
+            raise InputError("bare arrays cannot be sampled anew", remedy="build them with PathDynamics.from_path")
+        arm, path, torque_reserve, speed_cap, tool_speed = self._origin
+        return self.from_path(
+            arm, path, intervals=intervals, torque_reserve=torque_reserve, speed_max=speed_cap,
+            tool_speed_m_s=tool_speed,
+        )  # fmt: skip
+
     def on_stations(self, grid: Floats) -> PathDynamics:
         """The same limits at other stations, those twice at which coefficients jump; needs an arm and a path."""
         if self._origin is None:
