@@ -22,6 +22,7 @@ from armtempo.robots._shapes import MESH_LENGTH_USUAL, Shape, hull_length, load_
 from armtempo.robots._substitute import spread_mass
 from armtempo.robots._tip import choose_tip
 from armtempo.robots._urdf_numbers import check_numbers, has_no_size, numbers_of
+from armtempo.robots._xacro import expand
 
 __all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia", "read_urdf"]
 
@@ -209,15 +210,11 @@ class UrdfReader:
         except FileNotFoundError:
             self.fail("file", "does not exist", "check the path of the URDF")
         except (OSError, ET.ParseError) as error:
-            self.fail("file", f"cannot be read as XML: {error}", "repair it (run xacro first if it is a .xacro)")
+            self.fail("file", f"cannot be read as XML: {error}", "repair it")
         if root.tag != "robot":
             self.fail(f"<{root.tag}>", "is not a URDF's <robot>", "give a URDF file")
-        for element in root.iter():
-            if "xacro}" in element.tag:  # {http://wiki.ros.org/xacro}name, or another address
-                name = element.tag.split("}")[1]
-                self.fail(
-                    "file", f"holds xacro elements, <xacro:{name}> for one", "run xacro first, and give its output"
-                )
+        if any("xacro}" in element.tag for element in root.iter()):  # {http://wiki.ros.org/xacro}, or another address
+            return ET.fromstring(expand(self.file))  # noqa: S314 - likewise
         return root
 
     def _take_capsule(self, name: str, index: int, collision: ET.Element) -> tuple[float, float] | None:

@@ -98,17 +98,6 @@ def test_files_that_are_no_urdf(tmp_path: Path) -> None:
         Arm.from_urdf(file)
 
 
-def test_a_xacro_file_is_told_to_be_run_through_xacro(tmp_path: Path) -> None:
-    file = tmp_path / "arm.xacro"
-    for address in ("http://www.ros.org/wiki/xacro", "http://wiki.ros.org/xacro"):
-        for body in ('<xacro:arm prefix="left_"/>', f"{GOOD}<link name='x'><xacro:weight kg='1'/></link>"):
-            file.write_text(f'<robot xmlns:xacro="{address}" name="r"><link name="b"/>{body}</robot>')
-            with pytest.raises(RobotError, match=r"arm\.xacro: file holds xacro elements, <xacro:.*run xacro first"):
-                Arm.from_urdf(file)
-    file.write_text(f'<robot xmlns:xacro="http://wiki.ros.org/xacro" name="r">{GOOD}</robot>')  # as xacro writes it
-    assert Arm.from_urdf(file).dof == 1
-
-
 def test_given_limits_stand_in_for_missing_ones(tmp_path: Path) -> None:
     file = write(tmp_path, link("base", "") + link("one") + joint("j1", "base", "one", inside=""))
     arm = Arm.from_urdf(file, torque_max=[1], speed_max=[2], position_limits=[(-3, 4)])
