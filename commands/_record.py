@@ -115,7 +115,11 @@ def _check(given: Record) -> None:
 def _file_name(policy: str) -> str:
     """A policy's name as a file's: of a learned agent, its algorithm and what its file is called."""
     algorithm, _, agent = policy.rpartition(":")
-    return f"{algorithm}-{Path(agent).stem}" if algorithm else policy
+    if not algorithm:
+        return policy
+    file = Path(agent)
+    name = file.parent.name if file.stem == "agent" else file.stem  # as armtempo train calls them all
+    return f"{algorithm}-{name or file.stem}"
 
 
 @dataclass

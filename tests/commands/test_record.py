@@ -68,3 +68,12 @@ def test_record_names_the_film_of_an_agent_after_its_file(
     assert main([*line, "--disturbance", "late"]) == 0
     assert Path("results/lee1991/ppo-lee1991.mp4").stat().st_size > 500
     assert "0.5 times slower than reality" in " ".join(capsys.readouterr().out.split())
+
+
+def test_films_of_trained_agents_are_called_after_their_trainings() -> None:
+    from armtempo.commands._record import _file_name
+
+    assert _file_name("vci") == "vci"
+    assert _file_name("ppo:results/train/lee1991-0/agent.npz") == "ppo-lee1991-0"
+    assert _file_name("ppo:agent.npz") == "ppo-agent"
+    assert _file_name("sac:mine/best.npz") == "sac-best"
