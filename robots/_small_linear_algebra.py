@@ -44,6 +44,20 @@ def cholesky(G: Floats, shift: float, C: Floats) -> bool:
     return True
 
 
+@inlined
+def cholesky_solve(C: Floats, y: Floats) -> None:
+    """Solve C C^T x = y in place, for the factor C of ``cholesky``."""
+    m = y.shape[0]
+    for i in range(m):
+        for k in range(i):
+            y[i] -= C[i, k] * y[k]
+        y[i] /= C[i, i]
+    for i in range(m - 1, -1, -1):
+        for k in range(i + 1, m):
+            y[i] -= C[k, i] * y[k]
+        y[i] /= C[i, i]
+
+
 @njit
 def eigenvectors(G: Floats, V: Floats) -> None:
     """Eigenvalues of the symmetric G onto its diagonal, eigenvectors into the columns of V (Jacobi's rotations)."""

@@ -11,6 +11,7 @@ from armtempo.robots._kernels import (
 )
 from armtempo.robots._small_linear_algebra import (
     cholesky,
+    cholesky_solve,
     eigenvectors,
     invert,
     quaternion_angle,
@@ -22,6 +23,7 @@ from armtempo.robots._small_linear_algebra import (
 __all__ = [
     "batch_inverse_dynamics",
     "cholesky",
+    "cholesky_solve",
     "eigenvectors",
     "inverse_dynamics",
     "invert",

@@ -17,7 +17,7 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.planners.ik._law import Law, Scratch, Targets, scale_jacobian, scratch, task_part, tip_and_jacobian
 from armtempo.robots import ArmModel, inlined, njit
-from armtempo.robots.kernels import cholesky
+from armtempo.robots.kernels import cholesky, cholesky_solve
 
 __all__ = ["Watch", "leave_dead_end", "watch_of"]
 
@@ -114,13 +114,8 @@ def _step(law: Law, q: Floats, damping: float, w: Scratch, G: Floats, C: Floats,
     largest = JOINT_STEP_MAX
     for k in range(n):
         at[k] = w.rate[k] if w.free[k] else 0.0
-        for j in range(k):
-            at[k] -= C[k, j] * at[j]
-        at[k] /= C[k, k]
-    for k in range(n - 1, -1, -1):
-        for j in range(k + 1, n):
-            at[k] -= C[j, k] * at[j]
-        at[k] /= C[k, k]
+    cholesky_solve(C, at)
+    for k in range(n):
         largest = max(largest, abs(at[k]))
     for k in range(n):
         moved = q[k] + at[k] * (JOINT_STEP_MAX / largest)

@@ -12,7 +12,7 @@ import numpy as np
 
 from armtempo.arrays import Bools, Floats
 from armtempo.robots import ArmModel, inlined, njit
-from armtempo.robots.kernels import cholesky, eigenvectors
+from armtempo.robots.kernels import cholesky, cholesky_solve, eigenvectors
 
 __all__ = [
     "DAMPED",
@@ -328,13 +328,7 @@ def damped_inverse(w: Scratch, damping: float, most: float, step: float) -> bool
     if cholesky(G, damping * damping, C) and cholesky(G, 0.0, C):
         for i in range(m):
             y[i] -= w.z[i]
-            for k in range(i):
-                y[i] -= C[i, k] * y[k]
-            y[i] /= C[i, i]
-        for i in range(m - 1, -1, -1):
-            for k in range(i + 1, m):
-                y[i] -= C[k, i] * y[k]
-            y[i] /= C[i, i]
+        cholesky_solve(C, y)
         return False
     V = w.V
     eigenvectors(G, V)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from armtempo.robots.kernels import (
     cholesky,
+    cholesky_solve,
     eigenvectors,
     invert,
     quaternion_angle,
@@ -24,6 +25,10 @@ def test_cholesky_factors_what_is_positive_definite_and_refuses_the_rest(m: int)
     G, C = A @ A.T, np.zeros((m, m))
     assert cholesky(G, 0.0, C)
     np.testing.assert_allclose(C, np.linalg.cholesky(G), atol=1e-12)
+    y = random.normal(size=m)
+    x = y.copy()
+    cholesky_solve(C, x)
+    np.testing.assert_allclose(G @ x, y, atol=1e-9)
     least = float(np.linalg.eigvalsh(G)[0])
     assert cholesky(G, 0.999 * least, C)
     np.testing.assert_allclose(C @ C.T, G - 0.999 * least * np.eye(m), atol=1e-12)
