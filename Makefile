@@ -98,7 +98,7 @@ clean:
 .venv/.test-ready: pyproject.toml | .venv/bin/python
 	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
-	$(PIP) install --editable ".[dev,rl,sweep,xacro]"
+	$(PIP) install --editable ".[dev,mujoco,rl,sweep,xacro]"
 	touch $@ .venv/.run-ready
 
 .venv-lowest/.ready: pyproject.toml tests/lowest.py

@@ -54,6 +54,8 @@ class Evaluate:
     """Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout."""
     out: OutFolder = None
     """Folder for the PNG files."""
+    audit: bool = False
+    """Ask the other physics engine what it makes of every tick of the first episode: one more column."""
     figures: bool = True
     """Draw pictures."""
 
@@ -68,7 +70,7 @@ def evaluate(line: Sequence[str]) -> None:
 
 def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     """Run, tabulate, draw."""
-    from armtempo.agents.evaluation import Continuation, evaluate_kind
+    from armtempo.agents.evaluation import Continuation, audited, evaluate_kind
 
     output = Output(given.json_file)
     folder = output_folder(given.cell, given.out) if given.figures else None
@@ -90,9 +92,9 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
                 episodes=given.episodes,
                 seed=given.seed,
                 on_episode=on_episode,
-                continuation=Continuation(kept=kept, traces=folder is not None),
+                continuation=Continuation(kept=kept, traces=folder is not None or given.audit),
             )
-        _tell(kind, result, output, folder)
+        _tell(kind, audited(result) if given.audit else result, output, folder)
 
 
 def _arguments(given: Evaluate, cell: Any, options: Any) -> dict[str, Any]:

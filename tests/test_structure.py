@@ -122,7 +122,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "envs/blend/_periods.py",
     ),
     "tests/envs/behaviours/test_state.py": ("envs/common/_saved.py",),
-    "tests/envs/bodies/test_scene.py": ("envs/bodies/_bullet.py",),
+    "tests/envs/bodies/test_scene.py": ("envs/bodies/_bullet.py", "envs/bodies/_bullet_scene.py"),
     "tests/envs/ik/test_vector_env.py": (
         "envs/common/_vector_env.py",
         "envs/ik/_batch.py",

@@ -1,9 +1,10 @@
-"""Arms in PyBullet: scene, renderer, joint controller."""
+"""Arms in a physics engine: scene, renderer, joint controller."""
 
 from __future__ import annotations
 
 from armtempo.envs.bodies._bullet import pybullet
-from armtempo.envs.bodies._controller import CONTROLLER_GAIN, PHYSICS, Controller, Physics
+from armtempo.envs.bodies._controller import CONTROLLER_GAIN, PHYSICS, Controller, Physics, engine_name, make_scene
+from armtempo.envs.bodies._engine_audit import OTHER_ENGINE, engine_difference
 from armtempo.envs.bodies._joint_control import clip_torques, joint_demand, joint_torques, tip_of
 from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
 from armtempo.envs.bodies._scene import Scene
@@ -14,6 +15,7 @@ __all__ = [
     "CONTROLLER_GAIN",
     "Controller",
     "End",
+    "OTHER_ENGINE",
     "PHYSICS",
     "Physics",
     "Recorder",
@@ -25,8 +27,11 @@ __all__ = [
     "Trace",
     "check_render_mode",
     "clip_torques",
+    "engine_difference",
+    "engine_name",
     "joint_demand",
     "joint_torques",
+    "make_scene",
     "pybullet",
     "render_modes",
     "tip_of",

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet, quiet
-from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
+from armtempo.envs.bodies._bullet_scene import BulletScene, display_available, quat_xyzw
 from armtempo.errors import RenderError, brief
 from armtempo.planners import Cell
 from armtempo.robots import Arm, Shape
 
 PICTURE_WIDTH, PICTURE_HEIGHT = 640, 480
-HARDWARE_RENDERER = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
 GREY = (0.6, 0.6, 0.6, 1.0)
 BEADS_PER_PATH = 40
@@ -83,7 +82,8 @@ class Renderer:
                 mode=mode,
             )
         self.mode = mode
-        self._scene = Scene(cell, visible=True, window=mode == "human", egl=mode == "rgb_array" and egl_available())
+        egl = mode == "rgb_array" and egl_available()
+        self._scene = BulletScene(cell, visible=True, window=mode == "human", egl=egl)
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
         self._beads = self._paint(POSE_BEAD_RADIUS if cell.follows_poses else BEAD_RADIUS)
@@ -197,7 +197,7 @@ class Renderer:
                 self._projection,
                 shadow=0,
                 lightDirection=(0.3, -0.4, 1.0),
-                renderer=HARDWARE_RENDERER if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+                renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
                 physicsClientId=self._scene.client,
             )
         rgba = np.array(pixels, dtype=np.uint8).reshape(PICTURE_HEIGHT, PICTURE_WIDTH, 4)
