@@ -22,6 +22,7 @@ from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
 from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
+from armtempo.commands._postures import fk, ik
 from armtempo.commands._record import Record, record
 from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
@@ -39,6 +40,8 @@ COMMANDS: dict[str, Callable[..., object]] = {
     "plot": plot,
     "record": Record,
     "cells": cells,
+    "fk": fk,
+    "ik": ik,
     "reproduce": reproduce,
     "bench": bench,
     "train": train,
