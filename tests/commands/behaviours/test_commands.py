@@ -229,7 +229,7 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (["evaluate", "lee1991", "--start-phase", "0.3", "0.1"], ["--start-phase must be a number or a range"]),
         (["evaluate", "lee1991", "--disturbance", "lat"], ["unknown disturbance 'lat'", "did you mean 'late'"]),
-        (["evaluate", "lee1991", "--physics", "mujoco"], ["unknown physics 'mujoco'", "bullet, ideal"]),
+        (["evaluate", "lee1991", "--physics", "gazebo"], ["unknown physics 'mujoco'", "bullet, ideal"]),
         (
             ["evaluate", "lee2006", "--mode", "acceleration"],
             ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --episodes, --family"],
