@@ -24,8 +24,10 @@ from armtempo.commands.console import (
     open_cell,
     output_folder,
     read_kind_line,
+    shown,
     table_of,
 )
+from armtempo.files import check_output
 
 if TYPE_CHECKING:
     from armtempo.agents import Evaluation, Kind
@@ -56,6 +58,8 @@ class Evaluate:
     """Folder for the PNG files."""
     figures: bool = True
     """Draw pictures."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: none)")] = None
+    """Write the episodes there as a page for the browser, see "armtempo view"."""
 
 
 def evaluate(line: Sequence[str]) -> None:
@@ -72,6 +76,8 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
 
     output = Output(given.json_file)
     folder = output_folder(given.cell, given.out) if given.figures else None
+    if given.html is not None:
+        check_output(given.html)
     cell: Any = open_cell(given.cell, output)
     chosen = tuple(dict.fromkeys(given.policies)) or None
     with kept_results("evaluate", _arguments(given, cell, options)) as kept:
@@ -90,9 +96,15 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
                 episodes=given.episodes,
                 seed=given.seed,
                 on_episode=on_episode,
-                continuation=Continuation(kept=kept, traces=folder is not None),
+                continuation=Continuation(kept=kept, traces=folder is not None or given.html is not None),
             )
         _tell(kind, result, output, folder)
+        if given.html is not None:
+            from armtempo.commands.viewer import write_view
+
+            with output.progress("Writing the page"):
+                write_view(result, given.html)
+            output.say(f"Page (open it in a browser): {shown(given.html)}")
 
 
 def _arguments(given: Evaluate, cell: Any, options: Any) -> dict[str, Any]:

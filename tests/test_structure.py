@@ -221,6 +221,14 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/figures/_bench.py",
     ),
     "tests/commands/test_train.py": ("commands/_sweep.py",),
+    "tests/commands/viewer/test_page.py": (
+        "commands/viewer/_blend.py",
+        "commands/viewer/_ik.py",
+        "commands/viewer/_kind_view.py",
+        "commands/viewer/_packing.py",
+        "commands/viewer/_panels.py",
+        "commands/viewer/_scene.py",
+    ),
     "tests/commands/papers/chung/test_quantities.py": (
         "commands/papers/chung/_figures.py",
         "commands/papers/chung/_run.py",

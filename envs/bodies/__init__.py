@@ -5,8 +5,8 @@ from __future__ import annotations
 from armtempo.envs.bodies._bullet import pybullet
 from armtempo.envs.bodies._controller import CONTROLLER_GAIN, PHYSICS, Controller, Physics
 from armtempo.envs.bodies._joint_control import clip_torques, joint_demand, joint_torques, tip_of
-from armtempo.envs.bodies._renderer import Renderer, check_render_mode, render_modes
-from armtempo.envs.bodies._scene import Scene
+from armtempo.envs.bodies._renderer import Renderer, check_render_mode, outline, render_modes
+from armtempo.envs.bodies._scene import Scene, display_available
 from armtempo.envs.bodies._settling import SETTLED_DISTANCE, Settling
 from armtempo.envs.bodies._trace import End, Recorder, Simulation, Trace
 
@@ -25,8 +25,10 @@ __all__ = [
     "Trace",
     "check_render_mode",
     "clip_torques",
+    "display_available",
     "joint_demand",
     "joint_torques",
+    "outline",
     "pybullet",
     "render_modes",
     "tip_of",

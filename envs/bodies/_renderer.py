@@ -102,7 +102,7 @@ class Renderer:
                 )
             points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
             if cell.follows_poses:
-                points += [*_outline(arm, q)]
+                points += [*outline(arm, q)]
         self._aim(np.array(points), POSE_VIEW_TILT if cell.follows_poses else VIEW_TILT)
 
     def _paint(self, size: float) -> list[Sequence[int]]:
@@ -210,15 +210,18 @@ class Renderer:
         self._scene.close()
 
 
-def _outline(arm: Arm, q: Floats) -> Floats:
-    """Corners (N, 3) of boxes around the capsules of an arm at ``q`` (K, n): nothing of it is outside their hull."""
-    capsules = arm.capsules
+def outline(arm: Arm, q: Floats) -> Floats:
+    """Points (N, 3) around an arm at ``q`` (K, n) [m]: nothing of its shapes is outside their hull."""
     fixed = np.broadcast_to(arm.T_world_base, (len(q), 1, 4, 4))
-    T = np.concatenate([arm.link_poses(q), fixed], axis=1)[:, capsules.link]  # link -1 is the base
-    ends = [np.einsum("klab,lb->kla", T[..., :3, :3], p) + T[..., :3, 3] for p in (capsules.p0, capsules.p1)]
+    frames = np.concatenate([arm.link_poses(q), fixed], axis=1)  # link -1 is the base
     sides = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0
-    corners = np.stack(ends)[..., None, :] + sides * capsules.radius[:, None, None]
-    return np.asarray(corners.reshape(-1, 3), dtype=np.float64)
+    found = [np.zeros((0, 3))]
+    for shape in arm.shapes:
+        T, points = frames[:, shape.link], shape.points
+        corners = points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+        radius = shape.capsule[2] if shape.exact else 0.0  # of capsules and spheres the points are the axis
+        found.append((corners[:, :, None] + radius * sides[: 1 if radius == 0.0 else None]).reshape(-1, 3))
+    return np.concatenate(found)
 
 
 def render_modes() -> list[str]:

@@ -1,0 +1,54 @@
+"""Pages in a browser: no complaint, no request, and what they show is what they were given."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from armtempo.agents import Evaluation, evaluate
+from armtempo.commands.viewer import page_data, write_view
+from armtempo.commands.viewer._packing import unpacked
+from armtempo.planners import IKCell
+from tests.commands.viewer.conftest import Seen, address_of
+
+
+@pytest.mark.parametrize("at", [0.0, 0.1, 0.17])
+def test_the_page_shows_the_instant_of_its_address(
+    lee1991_runs: Evaluation[Any, Any, Any], tmp_path: Path, browse: Callable[[str], Seen], at: float
+) -> None:
+    file = tmp_path / "page.html"
+    write_view(lee1991_runs, file)
+    seen = browse(address_of(file, f"t={at}&policy=vci,delay&theme=dark"))
+    assert seen.console == []
+    assert 'data-ready="yes"' in seen.dom
+    assert 'data-theme="dark"' in seen.dom
+    assert 'id="fault"' not in seen.dom
+    assert seen.text("#clock") == f"{at:.3f} s"
+    vci = page_data(lee1991_runs)["runs"][1]
+    columns = {name: unpacked(one) for name, one in vci["columns"].items()}
+    row = int(np.abs(columns["time"][:, 0] - at).argmin())
+    shown = html.unescape(seen.dom)
+    lam, mu, clearance = columns["lam"][row], columns["mu"][row], columns["clearance"][row, 0]
+    assert f"{1e3 * clearance:.2f} mm" in shown
+    assert f"{1e3 * clearance:.1f} mm" in shown  # beside the line between the arms
+    assert f"{lam[0]:.3f}, {lam[1]:.3f}" in shown
+    assert f"{lam[1]:.3f}, {mu[1]:.3f}" in shown
+    assert shown.count('class="view') == 2
+
+
+def test_pages_of_one_arm_open_without_complaint(
+    lee2006_runs: Evaluation[Any, Any, Any], chung: IKCell, tmp_path: Path, browse: Callable[[str], Seen]
+) -> None:
+    for runs in (lee2006_runs, evaluate(chung, ["feedback-ff"], physics="ideal")):
+        file = tmp_path / f"{runs.kind}.html"
+        write_view(runs, file)
+        seen = browse(address_of(file, "t=0.5"))
+        assert seen.console == []
+        assert 'data-ready="yes"' in seen.dom
+        assert seen.text("#clock") == "0.500 s"
+        assert seen.dom.count("<article") == len(page_data(runs)["panels"])
