@@ -375,7 +375,7 @@ const scene = (() => {
       }
       who.forEach((label, i) => {
         put(label, axis.setFromMatrixPosition(arms[i].frames[0].matrix), box);
-        label.style.top = `${parseFloat(label.style.top) + 20}px`;
+        label.style.top = `${Math.min(parseFloat(label.style.top) + 20, box.h - 10)}px`;
       });
     });
   }

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import html
+import re
+import threading
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 
 from armtempo.agents import Evaluation, evaluate
-from armtempo.commands.viewer import page_data, write_view
+from armtempo.commands.viewer import LivePage, page_data, serve, view_page, write_view
 from armtempo.commands.viewer._packing import unpacked
 from armtempo.planners import IKCell
 from tests.commands.viewer.conftest import Seen, address_of
@@ -52,3 +55,48 @@ def test_pages_of_one_arm_open_without_complaint(
         assert 'data-ready="yes"' in seen.dom
         assert seen.text("#clock") == "0.500 s"
         assert seen.dom.count("<article") == len(page_data(runs)["panels"])
+
+
+KEYS = """<script>
+const press = (key, code, shiftKey) =>
+  dispatchEvent(new KeyboardEvent("keydown", { key, code: code || key, shiftKey }));
+press("2", "Digit2");
+press("#", "Digit3", true);
+press("ArrowRight");
+press("ArrowRight");
+press("ArrowRight", "", true);
+press("ArrowLeft");
+press("d");
+press(".");
+</script>"""
+
+
+def test_keys_choose_policies_and_step(
+    lee1991_runs: Evaluation[Any, Any, Any], tmp_path: Path, browse: Callable[[str], Seen]
+) -> None:
+    file = tmp_path / "page.html"
+    file.write_text(view_page(lee1991_runs).replace("</body>", f"{KEYS}</body>"), encoding="utf-8")
+    seen = browse(address_of(file, "theme=light&slow=20"))
+    assert seen.console == []
+    assert re.findall(r'data-policy="([\w-]+)"[^>]* aria-pressed="true"', seen.dom) == ["vci", "phase-plane"]
+    assert 'class="view focus"' in seen.dom
+    assert seen.text("#clock") == "0.011 s"  # 1 + 1 + 10 - 1 ticks of 1 ms
+    assert 'data-theme="dark"' in seen.dom
+
+
+def test_a_waiting_policy_runs_when_it_is_clicked(
+    lee1991_runs: Evaluation[Any, Any, Any], browse: Callable[[str], Seen], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    click, page = "<script>document.querySelector('.waiting')?.click();</script>", LivePage.page
+    monkeypatch.setattr(LivePage, "page", lambda live: page(live).replace("</body>", f"{click}</body>"))
+    first = replace(lee1991_runs, results={"delay": lee1991_runs.results["delay"]})
+    with serve(LivePage(first, ["delay", "vci"], lambda before, policy: lee1991_runs)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        seen = browse(f"http://127.0.0.1:{server.server_address[1]}/")
+        server.shutdown()
+        thread.join()
+    assert seen.console == []
+    assert 'data-ready="yes"' in seen.dom
+    assert re.findall(r'data-policy="([\w-]+)"[^>]* aria-pressed="true"', seen.dom) == ["vci"]
+    assert "waiting" not in re.findall(r'class="(policy[^"]*)"', seen.dom)
