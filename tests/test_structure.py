@@ -220,6 +220,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/bench/_errors.py",
         "commands/figures/_bench.py",
     ),
+    "tests/commands/test_film.py": ("commands/figures/_film.py",),
     "tests/commands/test_train.py": ("commands/_sweep.py",),
     "tests/commands/viewer/test_page.py": (
         "commands/viewer/_blend.py",

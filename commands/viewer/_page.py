@@ -21,6 +21,7 @@ from armtempo.commands.viewer._packing import packed
 from armtempo.commands.viewer._panels import panel_json
 from armtempo.commands.viewer._runs import columns_of, most_rows, run_json
 from armtempo.commands.viewer._scene import color_of_policy, scene_json, way_of
+from armtempo.envs.bodies import Trace
 from armtempo.errors import InputError
 from armtempo.files import check_output, whole_file
 
@@ -50,9 +51,11 @@ def page_data(evaluation: Evaluation[Any, Any, Any], waiting: Sequence[str] = ()
         InputError: No policy has a trace.
     """
     cell, view = evaluation.cell, VIEWS.get(evaluation.kind, PLAIN)
-    results = {name: one for name, one in evaluation.results.items() if getattr(one, "trace", None) is not None}
+    results = {name: one for name, one in evaluation.results.items() if isinstance(getattr(one, "trace", None), Trace)}
     if not results:
-        raise InputError("there is nothing to be seen: no policy ran", remedy="name a policy that has a plan here")
+        raise InputError(
+            "there is nothing to be seen: no policy ran, or none with a Trace", remedy="name a policy that has a plan"
+        )
     cells = {name: getattr(result.trace, "cell", cell) for name, result in results.items()}
     most = most_rows([columns_of(view, cells[name], result.trace) for name, result in results.items()])
     runs = [run_json(view, cell, name, k, result, most) for k, (name, result) in enumerate(results.items())]

@@ -150,9 +150,7 @@ class ToyKind(Kind[ToyCell, ToyOptions, tuple[Floats, float], ToyResult]):
     def __init__(self) -> None:
         self.opened: list[ToyEnv] = []
 
-    def open(
-        self, cell: ToyCell, policy: str, options: ToyOptions, *, before: Any = None, render_mode: str | None = None
-    ) -> ToyRunner:
+    def open(self, cell: ToyCell, policy: str, options: ToyOptions, *, before: Any = None) -> ToyRunner:
         if policy == "nobody":
             raise InfeasibleError("there is no such motion")
         made: dict[str, Policy[Floats32, Floats32]] = {
@@ -265,16 +263,16 @@ def test_the_command_takes_it_with_flags_table_and_report(
     assert "unknown option of armtempo evaluate in toy cells '--shield'" in capsys.readouterr().err
 
 
-def test_the_command_films_it(
-    toy: ToyCell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("line", [["record", "tiny", "--out", "film"], ["view", "tiny", "--html", "toy.html"]])
+def test_what_has_no_arms_cannot_be_seen(
+    toy: ToyCell, line: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("armtempo.configs.load_cell_config", lambda name: toy.config)
-    monkeypatch.setattr("armtempo.commands._record.open_cell", lambda name, output: toy)
+    monkeypatch.setattr(f"armtempo.commands._{line[0]}.open_cell", lambda name, output: toy)
     monkeypatch.chdir(tmp_path)
-    assert main(["record", "tiny", "--push", "0.5", "--slow", "2", "--out", "film"]) == 0
-    assert "5 pictures, 2 times slower than reality: film" in " ".join(capsys.readouterr().out.split())
-    assert len(list(Path("film").iterdir())) == 5  # the start, and four decisions
-    assert main(["record", "tiny", "--policy", "vci"]) == 2
+    assert main(line) == 2
+    assert "Trace" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("episodes", "width", "heads"), [
