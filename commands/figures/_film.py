@@ -72,7 +72,7 @@ class _Caption:
     def __init__(self, words: str) -> None:
         width, _ = FILM_SIZE
         figure = Figure(figsize=(width / 100, CAPTION_HEIGHT / 100), dpi=100, facecolor="white")
-        self._canvas = FigureCanvasAgg(figure)
+        self._canvas: Any = FigureCanvasAgg(figure)  # its methods are untyped
         figure.text(0.02, 0.5, words, fontsize=17, color=MUTED, va="center")
         self._clock = figure.text(0.98, 0.5, "", fontsize=17, color=INK, va="center", ha="right")
 
