@@ -123,15 +123,16 @@ def _tell(
     kind: Kind[Any, Any, Any, Any], result: Evaluation[Any, Any, Any], output: Output, folder: Path | None
 ) -> None:
     """Tabulate, and draw into a folder."""
-    from armtempo.commands.reports import REPORTS, title_of
+    from armtempo.commands.reports import REPORTS, labelled, title_of
 
-    report = REPORTS[kind.name]
+    report, told = REPORTS[kind.name], result.to_dict()
+    result = labelled(result)
     title, caption = title_of(result, report.title_suffix(result)), report.caption(result)
     output.table(table_of(result, title=title, caption=caption, width=output.console.width, bold=report.best(result)))
     output.say(report.summary_sentence(result))
     for name, why in (result.refused or {}).items():
         output.say(f"{name} has no plan: {why}")
-    output.json(result.to_dict())
+    output.json(told)
     if folder is not None:
         from armtempo.commands.figures._write import draw
 

@@ -23,6 +23,7 @@ from armtempo.commands.console import (
     check_seed,
     open_cell,
     output_folder,
+    policy_label,
     read_kind_line,
     shown,
     silent_stdout,
@@ -81,7 +82,7 @@ def record(line: Sequence[str]) -> None:
     policy = given.policy or usual_policy(kind)
     chosen_policies(policy, kind.policies, episodes=1)  # before a cell is opened, which may take a while
     output = Output(None)
-    target = output_folder(given.cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
+    target = output_folder(given.cell, None) / f"{policy_label(policy)}.mp4" if given.out is None else given.out
     (check_output if target.suffix else check_output_folder)(target)
     cell = open_cell(given.cell, output)
     with output.progress(f"Simulating {policy}"):
@@ -98,7 +99,7 @@ def record(line: Sequence[str]) -> None:
     times = film_times(duration, slow)
     filming = output.progress(f"Filming {policy}", len(times))
     with filming as (progress, task), silent_stdout(), film_writer(target, FRAMES_PER_SECOND) as write:
-        for picture in pictures(cell, trace, times, f"{cell.name}, {_file_name(policy)}, 1/{slow:g}"):
+        for picture in pictures(cell, trace, times, f"{cell.name}, {policy_label(policy)}, 1/{slow:g}"):
             write(picture)
             progress.advance(task)
     output.say(f"{len(times)} pictures, {slow:g} times slower than reality: {shown(target)}")
@@ -132,16 +133,6 @@ def _check(given: Record) -> None:
         raise UnknownNameError(
             "film format", given.out.suffix, SUFFIXES[:2], remedy="end --out in .mp4 or .gif, or name a folder"
         )
-
-
-def _file_name(policy: str) -> str:
-    """A policy's name as a file's: of a learned agent, its algorithm and what its file is called."""
-    algorithm, _, agent = policy.rpartition(":")
-    if not algorithm:
-        return policy
-    file = Path(agent)
-    name = file.parent.name if file.stem == "agent" else file.stem  # as armtempo train calls them all
-    return f"{algorithm}-{name or file.stem}"
 
 
 @contextmanager

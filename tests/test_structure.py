@@ -201,7 +201,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/figures/_phase.py",
         "commands/figures/_solve.py",
         "commands/figures/_space.py",
-        "commands/figures/_style.py",
         "commands/figures/_time.py",
         "commands/figures/_write.py",
         "commands/papers/_reproduction.py",

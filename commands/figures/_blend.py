@@ -29,6 +29,7 @@ from armtempo.commands.figures._one_arm import (
     torques,
 )
 from armtempo.commands.figures._style import FAINT, INK, MUTED, new_figure, note, policy_color, styled
+from armtempo.commands.figures._workspace import workspace
 from armtempo.planners import BlendCell
 from armtempo.planners.blends import Blend
 
@@ -47,7 +48,9 @@ SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
-    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.options.family == "given" else {}
+    figures = {}
+    if evaluation.options.family == "given":
+        figures = {"workspace": workspace(evaluation.cell), "path": blended_path(evaluation.cell, traces)}
     figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
     return {**figures, "torque": torques(traces)}
 
@@ -81,6 +84,7 @@ class AlongPath(Accelerated, Loaded, Moving, Protocol):
 def blend_plan_figures(plans: Mapping[str, AlongPath]) -> dict[str, Figure]:
     """Figures of planned profiles by file name."""
     return {
+        "workspace": workspace(next(iter(plans.values())).cell),
         "path": planned_path(plans),
         "line_speed": planned_speeds(plans),
         "accelerations": accelerations(plans),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from armtempo import __version__
-from armtempo.commands.reports import REPORTS, title_of
+from armtempo.commands.reports import REPORTS, labelled, title_of
 from armtempo.commands.viewer._blend import BLEND_VIEW
 from armtempo.commands.viewer._coordination import COORDINATION_VIEW
 from armtempo.commands.viewer._ik import IK_VIEW
@@ -50,6 +50,7 @@ def page_data(evaluation: Evaluation[Any, Any, Any], waiting: Sequence[str] = ()
     Raises:
         InputError: No policy has a trace.
     """
+    evaluation = labelled(evaluation)
     cell, view = evaluation.cell, VIEWS.get(evaluation.kind, PLAIN)
     results = {name: one for name, one in evaluation.results.items() if isinstance(getattr(one, "trace", None), Trace)}
     if not results:

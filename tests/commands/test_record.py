@@ -75,15 +75,6 @@ def test_record_names_the_film_of_an_agent_after_its_file(
     assert "0.5 times slower than reality" in " ".join(capsys.readouterr().out.split())
 
 
-def test_films_of_trained_agents_are_called_after_their_trainings() -> None:
-    from armtempo.commands._record import _file_name
-
-    assert _file_name("vci") == "vci"
-    assert _file_name("ppo:results/train/lee1991-0/agent.npz") == "ppo-lee1991-0"
-    assert _file_name("ppo:agent.npz") == "ppo-agent"
-    assert _file_name("sac:mine/best.npz") == "sac-best"
-
-
 def test_a_film_that_never_ends_is_refused(short_ik_cell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["record", short_ik_cell, "--physics", "ideal", "--slow", "1e9", "--out", "film.mp4"]) == 2
     assert "--slow 1e+09 makes a film of 2e+08 s (try --slow 20)" in capsys.readouterr().err

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -13,6 +14,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.spaces import Box
+from rich.console import Console
 
 from armtempo.agents import KINDS, Evaluation, Kind, Policy, RandomPolicy, evaluate, figure
 from armtempo.agents.evaluation import play
@@ -20,7 +22,7 @@ from armtempo.arrays import Floats, Floats32
 from armtempo.commands import _evaluate as command
 from armtempo.commands import main
 from armtempo.commands.console import table_of
-from armtempo.commands.reports import REPORTS, Report
+from armtempo.commands.reports import REPORTS, Report, labelled
 from armtempo.envs import Physics
 from armtempo.errors import InfeasibleError, UnknownNameError
 from armtempo.planners.cells import CellBase
@@ -289,3 +291,17 @@ def test_columns_are_for_several_episodes_or_one_and_for_wide_tables(
     if episodes == 2:
         assert list(table.columns[3].cells) == ["0.000"]  # narrow: three digits
     assert [row.style for row in table.rows] == ["bold"]
+
+
+def test_long_names_cut_no_number(toy: ToyCell) -> None:
+    runs = evaluated(toy, "known", "off")
+    name = "ppo:results/train/a-training-with-a-long-name-0/best-of-all-that-were-tried.npz"
+    runs = replace(runs, results={name: runs.results["known"], "off": runs.results["off"]})
+    written = io.StringIO()
+    Console(width=40, file=written).print(table_of(runs, title="", caption="", width=40))
+    text = written.getvalue()
+    assert "…" not in text
+    assert "1/1" in text
+    label = labelled(runs)
+    assert list(label.results) == ["ppo-best-of-all-that-were-tried", "off"]
+    assert label.results["ppo-best-of-all-that-were-tried"] is runs.results[name]
