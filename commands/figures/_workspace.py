@@ -31,8 +31,9 @@ PATH: dict[str, Any] = {"linewidth": 1.6, "linestyle": (0, (1, 1.2)), "zorder": 
 
 
 @styled
-def workspace(cell: Cell, title: str = "Arms and their paths") -> Figure:
+def workspace(cell: Cell, title: str = "") -> Figure:
     """The arms where they start, faintly where they end, the paths between, the obstacles (Lee1991 Fig. 5)."""
+    title = title or ("The arm and its path" if len(cell.arms) == 1 else "Arms and their paths")
     sweeps = cell.sweeps(POSTURES)
     reach = np.concatenate([outline(arm, q[::10]) for arm, (q, _) in zip(cell.arms, sweeps, strict=True)])
     across = np.ptp(reach, axis=0)

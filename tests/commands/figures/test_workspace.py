@@ -44,7 +44,7 @@ def test_flat_cells_are_seen_from_above_and_tall_ones_from_three_sides(
         return [axes.get_title() or axes.get_title("left") for axes in workspace(cell).axes]
 
     assert titles(lee1991) == ["Arms and their paths"]
-    assert titles(chung) == ["Arms and their paths", "From above", "From the side"]
+    assert titles(chung) == ["The arm and its path", "From above", "From the side"]
 
 
 def test_obstacles_are_in_the_picture(lee1991: CoordinationCell) -> None:

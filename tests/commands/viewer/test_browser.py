@@ -84,6 +84,22 @@ def test_keys_choose_policies_and_step(
     assert 'data-theme="dark"' in seen.dom
 
 
+def test_what_plays_stops_at_its_end(
+    lee1991_runs: Evaluation[Any, Any, Any], tmp_path: Path, browse: Callable[[str], Seen]
+) -> None:
+    file, press = tmp_path / "page.html", "<script>document.getElementById('play').click();</script>"
+    # Frames are few in virtual time, timers are not.
+    frames = "<script>window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 16);</script>"
+    page = view_page(lee1991_runs).replace("<header>", f"{frames}<header>").replace("</body>", f"{press}</body>")
+    file.write_text(page, encoding="utf-8")
+    seen = browse(address_of(file, "slow=1&policy=delay"))
+    end = lee1991_runs.results["delay"].trace.time[-1]
+    assert seen.console == []
+    assert seen.text("#clock") == seen.text("#end") == f"{end:.3f} s"
+    assert seen.text("#play") == "▶"
+    assert "arrived" in seen.dom
+
+
 def test_a_waiting_policy_runs_when_it_is_clicked(
     lee1991_runs: Evaluation[Any, Any, Any], browse: Callable[[str], Seen], monkeypatch: pytest.MonkeyPatch
 ) -> None:
