@@ -98,14 +98,14 @@ clean:
 .venv/.test-ready: pyproject.toml | .venv/bin/python
 	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
-	$(PIP) install --editable ".[dev,rl,sweep,xacro]"
+	$(PIP) install --editable ".[dev,rl,sweep,xacro,ros]"
 	touch $@ .venv/.run-ready
 
 .venv-lowest/.ready: pyproject.toml tests/lowest.py
 	@echo "installing the lowest versions of everything into .venv-lowest (some minutes the first time)"
 	$(LOWEST_PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install packaging $(TORCH)
-	.venv-lowest/bin/python tests/lowest.py rl sweep xacro > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python tests/lowest.py rl sweep xacro ros > .venv-lowest/lowest.txt
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install -r .venv-lowest/lowest.txt \
 		"hypothesis>=6.100" "pytest>=8.3"
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install --no-deps --editable .
