@@ -3,6 +3,7 @@
 #   make test    install everything and run the tests
 #   make check   format, lint, types, layers
 #   make bench   time armtempo against its peers
+#   make link    200 disturbed runs of on-line execution against controllers in another process, over a bad link
 #   make recipes  run docs/recipes (RLlib, TorchRL), each in an environment of its own
 #   make lowest  smoke and tests with the lowest versions of all dependencies that pyproject.toml allows
 #   make fuzz    try damaged inputs on every reader, environment and command: COUNT= of them, 100 000 by default
@@ -33,7 +34,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench lowest fuzz benchmark-set recipes rllib torchrl viewer build clean
+.PHONY: run test check bench lowest fuzz link benchmark-set recipes rllib torchrl viewer build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -63,6 +64,9 @@ lowest: .venv-lowest/.ready
 
 fuzz: .venv/.test-ready
 	$(BIN)/python -m tests.fuzz --count $(COUNT) --seed $(SEED) $(ARGS)
+
+link: .venv/.test-ready
+	ARMTEMPO_LINK_RUNS=200 $(BIN)/python -m pytest -s -n 0 tests/planners/execution/test_udp.py $(ARGS)
 
 benchmark-set: .venv/.test-ready
 	$(BIN)/python tests/draw_benchmark.py $(PART)
@@ -106,14 +110,14 @@ clean:
 .venv/.test-ready: pyproject.toml | .venv/bin/python
 	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
-	$(PIP) install --editable ".[dev,mujoco,rl,sweep,xacro]"
+	$(PIP) install --editable ".[dev,mujoco,rl,ros,sweep,xacro]"
 	touch $@ .venv/.run-ready
 
 .venv-lowest/.ready: pyproject.toml tests/lowest.py
 	@echo "installing the lowest versions of everything into .venv-lowest (some minutes the first time)"
 	$(LOWEST_PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install packaging $(TORCH)
-	.venv-lowest/bin/python tests/lowest.py rl sweep xacro > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python tests/lowest.py rl sweep xacro ros > .venv-lowest/lowest.txt
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install -r .venv-lowest/lowest.txt \
 		"hypothesis>=6.100" "pytest>=8.3"
 	.venv-lowest/bin/python -m pip --disable-pip-version-check --quiet install --no-deps --editable .

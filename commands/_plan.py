@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from armtempo.commands.console import AllNames, CellName, JsonFile, Output, check_period, open_cell, shown
+from armtempo.commands.console import AllNames, CellName, JsonFile, Output, check_period, check_rate, open_cell, shown
 from armtempo.files import check_output_folder
-
-if TYPE_CHECKING:
-    from armtempo.commands.plans import CellPlans
 
 
 def plan(
@@ -24,11 +20,14 @@ def plan(
     ] = None,
     orders: Literal["best", "file", "all"] = "best",
     smooth: bool = False,
-    export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: none)")] = None,
-    period: Annotated[
-        float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(default: 0.001, or the tick)")
+    export: Annotated[Path | None, tyro.conf.arg(metavar="FILE|DIR", help_behavior_hint="(default: none)")] = None,
+    rate_hz: Annotated[
+        float | None, tyro.conf.arg(metavar="HZ", help_behavior_hint="(default: 500; csv, json: 1000, or every tick)")
     ] = None,
-    export_format: Literal["csv", "json"] = "csv",
+    export_format: Annotated[
+        Literal["csv", "json", "joint-trajectory", "robot-trajectory", "mcap", "urscript"] | None,
+        tyro.conf.arg(name="format", help_behavior_hint="(default: by the ending; in a folder csv)"),
+    ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Plan when every arm of a cell moves, by several methods, and compare them. Nothing is simulated.
@@ -43,21 +42,28 @@ def plan(
             all of them, each with a plan of its own.
         smooth: Plans of motions within the arms' jerk limits (limits.jerk_rad_s3), started so that each plan's passing
             order stays as it is; the table says what that costs.
-        export: Write the motion of every arm by every method to this folder, as METHOD-ARM.csv: time_s, q_rad,
-            qd_rad_s, qdd_rad_s2 and torque_nm of every joint.
-        period: Time between the rows of exported motions in seconds; the last row is exactly at the end. Without it
-            that of a blend or ik cell is its physics tick. In an ik cell it is a whole number of ticks.
-        export_format: What exported motions are written as: csv or json.
+        export: Write the motion by one method to this file (.json, .yaml, .mcap, .script, .csv), or those by every
+            method to this folder.
+        rate_hz: Rows of exported motions per second. In an ik cell one row stands for a whole number of ticks.
+        export_format: csv and json: time_s, q_rad, qd_rad_s, qdd_rad_s2 and torque_nm of every joint, a file per arm.
+            The others have all arms on one time base, and a table says what interpolating controllers make of them:
+            joint-trajectory and robot-trajectory (the ROS messages as JSON or YAML), mcap (a ROS 2 bag), urscript.
         json_file: Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout.
     """
     output = Output(json_file)
     check_period("--control-period", control_period, "0.004")
-    check_period("--period", period, "0.001")
+    check_rate("--rate-hz", rate_hz)
     if export is not None:
-        check_output_folder(export)
+        check_output_folder(export.parent if export.suffix else export)
     built = open_cell(cell, output)
-    from armtempo.commands.plans import PLANS  # late: it imports the planners, and --help is to be quick
+    from armtempo.commands.plans import (
+        PLANS,
+        export_form,
+        export_plans,
+    )  # late: it imports the planners, and --help is to be quick
 
+    if export is not None:
+        export_form(export, export_format, methods)  # before anything is computed
     plans = PLANS[built.config.kind](
         built, methods, output, control_period=control_period, orders=orders, smooth=smooth
     )
@@ -67,21 +73,8 @@ def plan(
         output.table(table)
     for name, refusal in plans.refusals.items():
         output.say(f"[red]{name} has no plan:[/] {shown(refusal)}")
-    files = [] if export is None else _export(plans, export, period, export_format, output)
+    exported: dict[str, object] = {"exported": []}
+    if export is not None:
+        exported = export_plans(plans, export, export_format, rate_hz, output)
     refused = {name: {"error": refusal} for name, refusal in plans.refusals.items()}
-    output.json({**plans.facts(), "exported": [str(file) for file in files], "methods": {**entries, **refused}})
-
-
-def _export(plans: CellPlans[Any, Any], folder: Path, period: float | None, suffix: str, output: Output) -> list[Path]:
-    """Write one file per method and arm; the files."""
-    from armtempo.planners import write_trajectory  # late: see above
-
-    files = []
-    with output.progress("Exporting", len(plans.plans) * len(plans.cell.arms)) as (progress, task):
-        for name, motion in plans.motions(period):
-            files.append(folder / f"{name}.{suffix}")
-            write_trajectory(files[-1], motion)
-            progress.advance(task)
-    every = "" if period is None else f" every {period:g} s"
-    output.say(f"Motions{every} in {shown(folder)}{os.sep}: {', '.join(file.name for file in files)}")
-    return files
+    output.json({**plans.facts(), **exported, "methods": {**entries, **refused}})

@@ -1,7 +1,7 @@
 """Planning along given paths: paths, path dynamics, the phase plane, coordination charts and schedules.
 
 Here is what a person types; each room has the rest: ``geometry``, ``blends``, ``ik``, ``line_speed``, ``joint_paths``,
-``topp``, ``charts``, ``coordination``, ``cells``, ``schedules``, ``instances``.
+``topp``, ``charts``, ``coordination``, ``cells``, ``schedules``, ``exports``, ``instances``.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from armtempo.planners.blends import BlendedPath, PredictorCorrector, blend, lea
 from armtempo.planners.cells import BlendCell, Cell, CoordinationCell, IKCell, build_cell, load_cell, load_robot
 from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination import Precedence, VelocityControl
+from armtempo.planners.exports import RobotMotion, export_motion
 from armtempo.planners.geometry import Arc, CartesianPath, Line, PoseTarget
 from armtempo.planners.ik import ClosedFormIK, FeedbackIK, IKGains, NewtonIK, ResolvedRateIK, find_postures
 from armtempo.planners.instances import benchmark_instances, generate_cell
@@ -57,6 +58,7 @@ __all__ = [
     "Precedence",
     "PredictorCorrector",
     "ResolvedRateIK",
+    "RobotMotion",
     "Schedule",
     "VelocityControl",
     "audit_clearance",
@@ -65,6 +67,7 @@ __all__ = [
     "build_cell",
     "diagnose",
     "execution_of",
+    "export_motion",
     "find_postures",
     "generate_cell",
     "least_time_blend",

@@ -79,6 +79,11 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planners/coordination/test_interval_search.py": ("planners/coordination/_interval_kernels.py",),
     "tests/planners/coordination/test_joint_bound.py": ("planners/coordination/_joint_bound_kernels.py",),
     "tests/planners/schedules/test_methods.py": ("planners/schedules/_schedule.py",),
+    "tests/planners/exports/test_export.py": (
+        "planners/exports/_mcap.py",
+        "planners/exports/_messages.py",
+        "planners/exports/_urscript.py",
+    ),
     "tests/planners/ik/test_feedback.py": (
         "planners/ik/_error_bounds.py",
         "planners/ik/_law.py",
@@ -237,6 +242,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/commands/test_plan.py": (
         "commands/plans/_blend.py",
         "commands/plans/_coordination.py",
+        "commands/plans/_export.py",
         "commands/plans/_ik.py",
         "commands/plans/_motions.py",
         "commands/plans/_plans.py",

@@ -14,6 +14,7 @@ from armtempo.commands.console._flags import (
     Seed,
     check_count,
     check_period,
+    check_rate,
     check_seed,
 )
 from armtempo.commands.console._kept import Kept, file_digests, kept_results
@@ -47,6 +48,7 @@ __all__ = [
     "TRAINING_SEED_MAX",
     "check_count",
     "check_period",
+    "check_rate",
     "check_seed",
     "field_docs",
     "file_digests",

@@ -52,3 +52,9 @@ def check_period(option: str, period: float | None, example: str) -> None:
     """
     if period is not None and not (math.isfinite(period) and period > 0.0):
         raise InputError(f"{option} must be a positive number of seconds, got {period}", remedy=f"try {example}")
+
+
+def check_rate(option: str, rate_hz: float | None) -> None:
+    """Refuse a rate that is none; raises as ``check_period``."""
+    if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0.0):
+        raise InputError(f"{option} must be a positive number of Hz, got {rate_hz}", remedy="try 500")

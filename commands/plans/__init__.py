@@ -7,10 +7,11 @@ from typing import Any
 
 from armtempo.commands.plans._blend import BlendPlans
 from armtempo.commands.plans._coordination import CoordinationPlans
+from armtempo.commands.plans._export import export_form, export_plans
 from armtempo.commands.plans._ik import IKPlans
 from armtempo.commands.plans._plans import CellPlans
 
-__all__ = ["PLANS", "CellPlans"]
+__all__ = ["PLANS", "CellPlans", "export_form", "export_plans"]
 
 PLANS: Mapping[str, type[CellPlans[Any, Any]]] = {"coordination": CoordinationPlans, "blend": BlendPlans, "ik": IKPlans}
 """By kind of cell."""

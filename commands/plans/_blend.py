@@ -22,6 +22,7 @@ from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import BlendCell, LineSpeedProfile
 from armtempo.planners.blends import Blend
 from armtempo.planners.cells import MotionDemand, motion_demand
+from armtempo.planners.exports import RobotMotion
 from armtempo.planners.topp import JointTrajectory
 
 if TYPE_CHECKING:
@@ -121,8 +122,13 @@ class BlendPlan:
 
     def motion(self, period: float) -> JointTrajectory:
         """Joints every ``period`` [s] and exactly at the end."""
-        s, v, a, _ = self.profile.at(t := instants(self.profile.duration, period))
-        return joint_motion(self.cell.arm, self.cell.path, t, s, v, a)
+        return self.sampled(instants(self.profile.duration, period))
+
+    def sampled(self, time: Floats) -> JointTrajectory:
+        """Joints at instants (T,) [s]; at rest behind the end."""
+        s, v, a, _ = self.profile.at(time)
+        moves = time <= self.profile.duration
+        return joint_motion(self.cell.arm, self.cell.path, time, s, v * moves, a * moves)
 
 
 def blend_ranges(cell: BlendCell) -> list[tuple[float, float]]:
@@ -213,6 +219,10 @@ class BlendPlans(CellPlans[BlendCell, BlendPlan]):
     def motions(self, period: float | None) -> Iterator[tuple[str, JointTrajectory]]:
         for name, plan in self.plans.items():
             yield f"{name}-{plan.cell.arm.name}", plan.motion(plan.cell.physics_tick if period is None else period)
+
+    def robot_motion(self, name: str, rate_hz: float) -> RobotMotion:
+        plan = self.plans[name]
+        return RobotMotion.sampled([plan.cell.arm], [plan.sampled], duration=plan.profile.duration, rate_hz=rate_hz)
 
     def figures(self, method: str) -> dict[str, Figure]:
         from armtempo.commands.figures._blend import blend_plan_figures  # late: matplotlib

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from armtempo.commands.console import find_bound, new_table, number, shown
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import METHODS, CoordinationCell, Schedule, schedule
+from armtempo.planners.exports import RobotMotion
 from armtempo.planners.schedules import SHAPED, SHIFTED
 from armtempo.planners.topp import JointTrajectory
 
@@ -136,6 +137,9 @@ class CoordinationPlans(CellPlans[CoordinationCell, Schedule]):
         for name, plan in self.plans.items():
             for arm, motion in zip(self.cell.arms, plan.trajectories, strict=True):
                 yield f"{name}-{arm.name}", JointTrajectory.sample(motion, EXPORT_PERIOD if period is None else period)
+
+    def robot_motion(self, name: str, rate_hz: float) -> RobotMotion:
+        return RobotMotion.of_schedule(self.plans[name], rate_hz)
 
     def figures(self, method: str) -> dict[str, Figure]:
         from armtempo.commands.figures._coordination_plans import coordination_plan_figures  # late: matplotlib

@@ -17,9 +17,10 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.commands.console import LIMIT_RESOLVED, new_table, number, significant
-from armtempo.commands.plans._motions import run_motion
+from armtempo.commands.plans._motions import run_for_robots, run_motion
 from armtempo.commands.plans._plans import CellPlans
 from armtempo.planners import FeedbackIK, IKCell, NewtonIK
+from armtempo.planners.exports import RobotMotion
 from armtempo.planners.ik import IKRun
 from armtempo.planners.topp import JointTrajectory
 
@@ -190,6 +191,9 @@ class IKPlans(CellPlans[IKCell, IKPlan]):
         arm = self.cell.arm
         for name, plan in self.plans.items():
             yield f"{name}-{arm.name}", plan.motion if period is None else run_motion(arm, plan.run, period)
+
+    def robot_motion(self, name: str, rate_hz: float) -> RobotMotion:
+        return run_for_robots(self.cell.arm, self.plans[name].run, rate_hz)
 
     def figures(self, method: str) -> dict[str, Figure]:
         from armtempo.commands.figures._ik import ik_plan_figures  # late: matplotlib

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeVar
 from armtempo.commands.console import Output
 from armtempo.errors import InfeasibleError, InputError, PathError, UnknownNameError
 from armtempo.planners.cells import CellBase
+from armtempo.planners.exports import RobotMotion
 from armtempo.planners.topp import JointTrajectory
 
 if TYPE_CHECKING:
@@ -131,6 +132,15 @@ class CellPlans(ABC, Generic[CellT, PlanT]):
         Raises:
             InputError: The motion cannot be sampled so.
         """
+
+    def robot_motion(self, name: str, rate_hz: float) -> RobotMotion:
+        """What all arms do by a method, on one time base, for the controllers of robots.
+
+        Raises:
+            InputError: The kind has no motions of joints, or this one cannot be sampled so.
+        """
+        kind = self.cell.config.kind
+        raise InputError(f"cells of kind {kind} have no motions of joints", remedy="export plans of another kind")
 
     @abstractmethod
     def figures(self, method: str) -> dict[str, Figure]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from armtempo.planners.coordination._guard import stays_behind
 from armtempo.planners.coordination._order_kernels import (
     LEADING,
     NODES,
@@ -27,5 +28,6 @@ __all__ = [
     "price",
     "search",
     "settle",
+    "stays_behind",
     "time_to_go",
 ]

@@ -75,19 +75,27 @@ class JointTrajectory:
         Raises:
             InputError: ``period`` is no positive number or far too small, or the motion has no arm and path.
         """
-        arm, path = trajectory.dynamics.arm, trajectory.dynamics.path
-        if arm is None or path is None:
-            raise InputError(
-                "this motion knows no joints: it was planned from bare arrays",
-                remedy="build its dynamics with PathDynamics.from_path",
-            )
         if not (math.isfinite(period) and period > 0.0):
             raise InputError(f"period must be a positive number of seconds, got {period}", remedy="try 0.001")
         steps = trajectory.duration / period
         if steps > MOST_ROWS:
             raise InputError(f"a period of {period} s gives {steps:.3g} rows", remedy="give a longer period")
         time: Floats = period * np.arange(math.ceil(steps * (1.0 - 1e-12)), dtype=np.float64)
-        time = np.append(time[time < trajectory.duration], trajectory.duration)
+        return cls.sample_at(trajectory, np.append(time[time < trajectory.duration], trajectory.duration))
+
+    @classmethod
+    def sample_at(cls, trajectory: PhaseTrajectory, time: Floats) -> JointTrajectory:
+        """A planned motion at rising instants (N,) [s], at rest before and after it; torques from the arm's own model.
+
+        Raises:
+            InputError: The motion has no arm and path.
+        """
+        arm, path = trajectory.dynamics.arm, trajectory.dynamics.path
+        if arm is None or path is None:
+            raise InputError(
+                "this motion knows no joints: it was planned from bare arrays",
+                remedy="build its dynamics with PathDynamics.from_path",
+            )
         lam, mu, mu_dot = (value[:, None] for value in trajectory.at(time))
         q, dq, ddq = path.evaluate(lam[:, 0])
         qd, qdd = dq * mu, ddq * mu**2 + dq * mu_dot

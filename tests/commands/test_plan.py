@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from armtempo.commands import main
 from armtempo.commands.console import find_bound
@@ -74,8 +75,8 @@ def test_every_order_of_the_arms_or_the_best_or_that_of_the_file(capsys: pytest.
 def test_plan_exports_the_motion_of_every_arm(form: str, capsys: pytest.CaptureFixture[str]) -> None:
     from armtempo.planners import read_trajectory
 
-    line = ["plan", "lee1991", "--methods", "delay", "sequential", "--export", "out", "--export-format", form]
-    assert main([*line, "--period", "0.002", "--json", "-"]) == 0
+    line = ["plan", "lee1991", "--methods", "delay", "sequential", "--export", "out", "--format", form]
+    assert main([*line, "--rate-hz", "500", "--json", "-"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert sorted(path.name for path in Path("out").iterdir()) == [
         f"{method}-{arm}.{form}" for method in ("delay", "sequential") for arm in ("master", "slave")
@@ -159,7 +160,7 @@ def check_dynamics(motion: JointTrajectory, arm: Arm) -> None:
 def test_exported_profiles_follow_the_path_within_the_limits(
     lee2006: BlendCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    motions = exported(["plan", "lee2006", "--period", "0.0005"], capsys)
+    motions = exported(["plan", "lee2006", "--rate-hz", "2000"], capsys)
     for name, motion in motions.items():
         cell = lee2006.variant(curve="quintic") if name == "limit-aware-smooth" else lee2006
         profile = cell.profile(name.removesuffix("-smooth"))
@@ -197,10 +198,10 @@ def test_exported_runs_stay_within_the_bounds_that_the_law_states(
 
 def test_runs_are_thinned_by_whole_ticks(short_ik_cell: str, capsys: pytest.CaptureFixture[str]) -> None:
     line = ["plan", short_ik_cell, "--methods", "law"]
-    (motion,) = exported([*line, "--period", "0.03"], capsys).values()
+    (motion,) = exported([*line, "--rate-hz", "33.33333333333"], capsys).values()
     assert motion.time == pytest.approx([0.0, 0.03, 0.06, 0.09, 0.12, 0.15, 0.18, 0.2])
-    assert main([*line, "--export", "out", "--period", "0.0015"]) == 2
-    assert "--period of 0.0015 s is not a whole number of ticks of 0.001 s" in capsys.readouterr().err
+    assert main([*line, "--export", "out", "--rate-hz", "700"]) == 2
+    assert "--rate-hz 700 is not one row every so many ticks of 0.001 s" in capsys.readouterr().err
 
 
 def test_smooth_plans_keep_jerk_limits_and_tell_what_they_cost(
@@ -228,3 +229,71 @@ def test_smooth_is_for_arms_with_jerk_limits_alone(capsys: pytest.CaptureFixture
     assert "has no jerk limits" in capsys.readouterr().err
     assert main(["plan", "chung", "--smooth", "--methods", "feedback"]) != 0
     assert "--smooth is for cells of several arms" in capsys.readouterr().err
+
+
+def test_plans_go_to_robots_and_the_table_says_what_their_controllers_make_of_them(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    line = ["plan", "lee1991", "--methods", "delay", "--export", "out/motion.yaml", "--rate-hz", "250"]
+    assert main([*line, "--json", "plan.json"]) == 0
+    assert "What a controller makes of the points" in capsys.readouterr().out
+    data = load("plan.json")
+    assert data["exported"] == ["out/motion.yaml"]
+    made = data["interpolation"]["delay"]
+    assert list(made) == ["master", "slave"]
+    assert 0.0 < made["master"]["quintic"]["position_error"] < made["master"]["cubic"]["position_error"] < 1e-4
+    document = yaml.safe_load(Path("out/motion.yaml").read_text(encoding="utf-8"))
+    slave = document["joint_trajectories"]["slave"]
+    assert slave["joint_names"] == ["joint_1", "joint_2"]
+    arrival = data["methods"]["delay"]["makespan_s"]
+    last = slave["points"][-1]["time_from_start"]
+    assert arrival <= last["sec"] + 1e-9 * last["nanosec"] < arrival + 0.004
+    assert document["events"] == []
+
+
+def test_a_folder_takes_every_method_of_every_kind(short_ik_cell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["plan", "lee2006", "--format", "robot-trajectory", "--export", "out", "--json", "-"]
+    assert main(line) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [Path(file).name for file in facts["exported"]] == [
+        "line-speed.json", "limit-aware.json", "limit-aware-smooth.json",
+    ]  # fmt: skip
+    for made in facts["interpolation"].values():
+        assert made["scara"]["cubic"]["position_error"] < 1e-5
+    # The first 0.2 s of a target end on the move.
+    assert main(["plan", short_ik_cell, "--methods", "law", "--export", "a.json"]) == 2
+    assert "arm 'puma' moves where the motion ends" in capsys.readouterr().err
+    assert main(["plan", short_ik_cell, "--methods", "law", "--export", "a.csv", "--rate-hz", "500"]) == 0
+    assert read_trajectory("a.csv").time[1] == 0.002
+
+
+def test_runs_of_inverse_kinematics_go_to_robots_tick_by_tick(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["plan", "chung", "--methods", "law", "--export", "a.json", "--json", "-"]
+    assert main([*line, "--rate-hz", "200"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    message = load("a.json")["joint_trajectories"]["puma"]
+    last = message["points"][-1]["time_from_start"]
+    assert (last["sec"], last["nanosec"]) == (12, 570_000_000)  # 12.57 s, the first whole period behind the end
+    assert facts["interpolation"]["law"]["puma"]["cubic"]["position_error"] < 1e-4
+    assert main([*line, "--rate-hz", "1000"]) == 0
+    every_tick = json.loads(capsys.readouterr().out)["interpolation"]["law"]["puma"]["cubic"]
+    assert every_tick["position_error"] is None  # nothing more is known
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--export", "a.json"], "--export a.json: a file holds one plan (name its method"),
+        (["--methods", "delay", "--export", "a.json", "--format", "mcap"], "mcap is not kept in .json"),
+        (["--methods", "delay", "--export", "out", "--format", "urscript"], "URScript drives six revolute joints"),
+        (["--methods", "delay", "--export", "a.mcap", "--rate-hz", "1e9"], "give a lower rate"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_with_the_remedy(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", "lee1991", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert not list(Path().glob("*.json"))

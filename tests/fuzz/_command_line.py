@@ -31,7 +31,7 @@ LINES = (
     "cells", "cells mine.yaml", "cells lee2006 --json -", "cells chung",
     "cells generate --out there --count 1 --seed 3",
     "plan mine.yaml --methods delay vci --json out.json",
-    "plan lee2006 --methods line-speed --export there --period 0.01",
+    "plan lee2006 --methods line-speed --export there --rate-hz 100",
     "plan short.yaml --methods law", "evaluate mine.yaml --policies delay --physics ideal --no-figures --seed 3",
     "evaluate lee2006 --policies line-speed --physics ideal --no-figures --family zigzag --episodes 2",
     "evaluate short.yaml --policies feedback --physics ideal --no-figures --json -",

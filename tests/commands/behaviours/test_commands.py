@@ -217,7 +217,7 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
             ["--control-period is for cells of several arms, and lee2006 is of kind blend"],
         ),
         (["plan", "lee1991", "--control-period", "-1"], ["--control-period", "positive"]),
-        (["plan", "lee1991", "--export", "out", "--period", "0"], ["--period", "positive", "try 0.001"]),
+        (["plan", "lee1991", "--export", "out", "--rate-hz", "0"], ["--rate-hz", "positive", "try 500"]),
         (["plan", "lee1991", "--control-period", "nan"], ["--control-period", "positive"]),
         (["evaluate", "lee1991", "--policies", "vcii"], ["unknown policy 'vcii'", "did you mean 'vci'"]),
         (["evaluate", "lee1991", "--episodes", "0"], ["--episodes", "at least 1"]),
