@@ -61,8 +61,8 @@ class TimingProblem:
 
     @cached_property
     def holdable(self) -> tuple[bool, ...]:
-        """Per arm whether it can hold still wherever it is on its path."""
-        return tuple(bool(plane.holdable.all()) for plane in self.planes)
+        """Per arm whether it can hold still wherever it is on its path; in a dwell it does not wait."""
+        return tuple(bool((plane.holdable | plane.dwelling).all()) for plane in self.planes)
 
     @cached_property
     def _runs(self) -> dict[tuple[int, int], Runs]:
