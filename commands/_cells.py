@@ -35,12 +35,12 @@ def cells(
         _list(output)
     else:
         opened = open_cell(cell, output)
-        SHOWN[opened.config.kind](opened, output)
+        SHOWN[opened.kind](opened, output)
 
 
 def _list(output: Output) -> None:
     # late: pydantic; --help is to be quick
-    from armtempo.configs import AnyCellConfig, CellConfig, bundled_cells, load_cell_config
+    from armtempo.configs import AnyCellConfig, SharedSpaceConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")
     table.add_column("cell", style="bold", no_wrap=True)
@@ -51,7 +51,7 @@ def _list(output: Output) -> None:
     entries = []
     for name in bundled_cells():
         config: AnyCellConfig = load_cell_config(name)
-        d_min = config.d_min_m if isinstance(config, CellConfig) else None
+        d_min = config.d_min_m if isinstance(config, SharedSpaceConfig) else None
         distance = "–" if d_min is None else f"{1e3 * d_min:g}"
         table.add_row(name, config.kind, str(len(config.arms)), distance, shown(config.description))
         entries.append(

@@ -58,9 +58,7 @@ def plan(
     built = open_cell(cell, output)
     from armtempo.commands.plans import PLANS  # late: it imports the planners, and --help is to be quick
 
-    plans = PLANS[built.config.kind](
-        built, methods, output, control_period=control_period, orders=orders, smooth=smooth
-    )
+    plans = PLANS[built.kind](built, methods, output, control_period=control_period, orders=orders, smooth=smooth)
     with output.progress("Certifying"):
         entries = plans.entries()
     for table in plans.tables(entries):

@@ -11,6 +11,7 @@ from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
+from armtempo.planners.cells._task_cell import Task, TaskCell
 from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
 __all__ = [
@@ -33,6 +34,8 @@ __all__ = [
     "ProfileName",
     "TARGET_FAMILIES",
     "TargetFamilyName",
+    "Task",
+    "TaskCell",
     "as_cell",
     "build_cell",
     "draw_path",

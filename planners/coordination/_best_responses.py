@@ -69,9 +69,9 @@ def respond(
     except InfeasibleError as error:
         if shifted is not None:
             return shifted
-        names = ", ".join(repr(problem.names[j]) for j in others)
+        names, rules = ", ".join(repr(problem.names[j]) for j in others), problem.rules_of([arm, *others])
         raise InfeasibleError(
-            f"arm {problem.names[arm]!r} finds no way among {names}: {error.message}",
+            f"arm {problem.names[arm]!r} finds no way among {names}: {error.message}{rules and f' ({rules})'}",
             remedy="try another order, or 'optimal', in which all arms may yield",
             **error.data,
         ) from error

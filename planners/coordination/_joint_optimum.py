@@ -61,9 +61,10 @@ def optimal(
             remedy="give a share like 0.005, and seconds",
         )
     if np.isinf(problem.lower_bound):
+        rules = problem.rules_of(problem.arms)
         raise InfeasibleError(
-            "no timing at all keeps the arms apart (certified)",
-            remedy="lower d_min_m, or move a path or a base",
+            f"no timing at all keeps the arms apart{rules and f' and to their rules: {rules}'} (certified)",
+            remedy=f"{'take a rule back, ' if rules else ''}lower d_min_m, or move a path or a base",
             reason="certified infeasible",
         )
     if len(problem.arms) == 1:

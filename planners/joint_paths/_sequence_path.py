@@ -137,6 +137,17 @@ class SequencePath(AbstractJointPath):
         k = np.searchsorted(self.border, np.asarray(lam), side="left" if before else "right") - 1
         return np.clip(k, 0, len(self.steps) - 1)
 
+    def own(self, k: int, lam: ArrayLike) -> Floats:
+        """Move k's own stations at ``lam`` (any shape) of the whole.
+
+        Raises:
+            InputError: Step k is no move.
+        """
+        move = self.steps[k]
+        if not isinstance(move, AbstractJointPath):
+            raise InputError(f"step {k} of the sequence is no move")
+        return self._own(k, move, np.asarray(lam, dtype=np.float64))[0]
+
     def _own(self, k: int, move: AbstractJointPath, lam: Floats) -> tuple[Floats, float]:
         """Move k's own stations at ``lam``, and by how much it is stretched."""
         start, stop = self.border[k : k + 2]
