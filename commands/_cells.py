@@ -115,6 +115,7 @@ def describe_coordination(cell: CoordinationCell) -> dict[str, Any]:
         "priority_class": cell.priority_class if len(cell.arms) > 1 else None,
         "start_delays": _start_delays(cell) if len(cell.arms) > 1 else None,
         "collision_regions": sum(chart.regions for chart in charts) if charts else None,
+        "rules": list(dict.fromkeys(rule.rule for rule in cell.exclusions)),
         "arms": arms,
     }
 
@@ -193,6 +194,8 @@ def _show_coordination(cell: CoordinationCell, output: Output) -> None:
         output.say(f"{line}.")
         output.say(CLASSES[facts["priority_class"]])
         output.say(_best_order(facts))
+        for rule in facts["rules"]:
+            output.say(f"Rule: {shown(rule)}.")
     still = [entry["name"] for entry in facts["arms"] if not entry["holdable"]]
     if still:
         output.say(f"Cannot hold still everywhere on the path: {', '.join(still)}.")

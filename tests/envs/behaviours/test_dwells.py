@@ -71,3 +71,23 @@ def test_the_shield_keeps_to_rules(there_and_back: CoordinationCell, disturbance
         first, second = env.trace.lam.T
         assert not ((first < rule.part_a[1]) & (second > rule.part_b[0])).any()
         assert all((np.diff(own) >= 0.0).all() for own in (first, second))
+
+
+@pytest.mark.parametrize("physics", get_args(Physics))
+def test_without_a_shield_a_broken_rule_ends_the_episode(there_and_back: CoordinationCell, physics: Physics) -> None:
+    """It counts as being too close does, so nobody is quicker by it."""
+    rule = after(1, 0.03, 0, 0.5, 1.0, "'slave' waits near its start for 'master'")
+    ruled = replace(there_and_back, exclusions=(rule,))
+    for record in (False, True):
+        env = CoordinationEnv(ruled, physics=physics, record=record)
+        env.reset(seed=0)
+        speeds = (0.3, 1.0)  # the slave is early
+        while env.agents:
+            _, rewards, terminations, _, infos = env.step(
+                {agent: np.array([speed], dtype=np.float32) for agent, speed in zip(env.agents, speeds, strict=True)}
+            )
+        assert all(terminations.values())
+        assert all(info["violation"] and not info["is_success"] for info in infos.values())
+        assert max(rewards.values()) < -1.0
+        assert 0.0 < infos["arm_1"]["lam"] - rule.part_b[0] < 0.01
+        assert infos["arm_1"]["min_clearance_m"] > ruled.d_min
