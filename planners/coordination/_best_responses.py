@@ -17,6 +17,7 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners.charts import CoordinationChart
+from armtempo.planners.coordination._event_graph import event_graph
 from armtempo.planners.coordination._interval_search import ALL_STAGES, COARSE_STAGES, Stage
 from armtempo.planners.coordination._makespan_bound import guide_path
 from armtempo.planners.coordination._start_delays import delayed, offset, start_offset
@@ -223,6 +224,16 @@ def shift_only(best: Best) -> None:
     """Plans of start delays and offsets in the order of the cell and in that of the plan, if they are better."""
     for motions, order in _shifted(best.problem, [best.problem.arms, best.order]):
         best.take(motions, order)
+
+
+def take_events(best: Best) -> None:
+    """For paths with stops: waiting there alone, in the best passing order."""
+    planes = best.problem.planes
+    stops = any(plane.dynamics.path is not None and len(plane.dynamics.path.stops) for plane in planes)
+    if stops and all(best.problem.holdable):
+        motions = event_graph(best.problem)
+        if motions is not None:
+            best.take(motions)
 
 
 def _take_prioritised(best: Best, orders: list[tuple[int, ...]]) -> None:
