@@ -58,7 +58,7 @@ def by_programs(problem: TimingProblem) -> float:
             rhs[len(rows) + arm] = -(clock[-1] - clock[-2])
         found = linprog(np.append(np.zeros(count), 1.0), A, rhs, bounds=(0.0, None))
         if found.status == 0:
-            best = min(best, float(found.x[-1]))
+            best = min(best, float(np.asarray(found.x)[-1]))
     return best
 
 
