@@ -225,6 +225,18 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
         """
         return self._chart(i, j, self.planned_clearance)
 
+    def chart_behind(self, i: int, j: int) -> CoordinationChart:
+        """``chart_between`` without the rules in which arm i waits for j: what j may have to wait for i in."""
+        rules = self._rules(i, j)
+        own = tuple(rule for rule in rules if rule.part_a[0] <= 0.0 or rule.part_b[0] > 0.0)
+        if len(own) == len(rules):
+            return self.chart_between(i, j)
+        if i > j:
+            chart = self._chart_without_rules(j, i, self.planned_clearance, self._halvings[j, i]).swapped
+        else:
+            chart = self._chart_without_rules(i, j, self.planned_clearance, self._halvings[i, j])
+        return chart.excluding(own)
+
     def bound_chart_between(self, i: int, j: int) -> CoordinationChart:
         """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``.
 

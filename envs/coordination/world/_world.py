@@ -127,7 +127,7 @@ def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int
     region = np.zeros((arms, arms, 4), dtype=np.int64)
     to_go = [_to_go(motion, plane.rows.station) for motion, plane in zip(cell.fastest, cell.planes, strict=True)]
     for i, j in permutations(range(arms), 2):
-        chart = cell.chart_between(j, i)
+        chart = cell.chart_behind(j, i)
         border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
         last = np.where(chart.last_column >= 0, border, -1.0)
         blocks = np.maximum.reduceat(last, np.arange(0, len(last), CELLS_PER_BLOCK))

@@ -140,3 +140,13 @@ def test_a_rule_may_make_it_impossible(synchronised: CoordinationCell) -> None:
     cell = replace(synchronised, exclusions=(*synchronised.exclusions, against))
     with pytest.raises(InfeasibleError, match="no timing at all keeps the arms apart and to their rules: 'slave' may"):
         schedule(cell, "optimal")
+
+
+def test_what_another_has_to_wait_for_is_no_wait_of_ones_own(synchronised: CoordinationCell) -> None:
+    """The first arm of a rule never passes behind the other one there, so its observation does not ask for it."""
+    free = replace(synchronised, exclusions=())
+    first, second = (synchronised.chart_behind(*pair).last_column for pair in ((1, 0), (0, 1)))
+    assert (first == free.chart_between(1, 0).last_column).all()
+    assert (second == synchronised.chart_between(0, 1).last_column).all()
+    assert (second != free.chart_between(0, 1).last_column).any()
+    assert free.chart_behind(0, 1) is free.chart_between(0, 1)
