@@ -35,12 +35,12 @@ def cells(
         _list(output)
     else:
         opened = open_cell(cell, output)
-        SHOWN[opened.config.kind](opened, output)
+        SHOWN[opened.kind](opened, output)
 
 
 def _list(output: Output) -> None:
     # late: pydantic; --help is to be quick
-    from armtempo.configs import AnyCellConfig, CellConfig, bundled_cells, load_cell_config
+    from armtempo.configs import AnyCellConfig, SharedSpaceConfig, bundled_cells, load_cell_config
 
     table = new_table("Bundled cells", "armtempo cells CELL shows one; your own YAML file goes wherever a name does")
     table.add_column("cell", style="bold", no_wrap=True)
@@ -51,7 +51,7 @@ def _list(output: Output) -> None:
     entries = []
     for name in bundled_cells():
         config: AnyCellConfig = load_cell_config(name)
-        d_min = config.d_min_m if isinstance(config, CellConfig) else None
+        d_min = config.d_min_m if isinstance(config, SharedSpaceConfig) else None
         distance = "–" if d_min is None else f"{1e3 * d_min:g}"
         table.add_row(name, config.kind, str(len(config.arms)), distance, shown(config.description))
         entries.append(
@@ -115,6 +115,7 @@ def describe_coordination(cell: CoordinationCell) -> dict[str, Any]:
         "priority_class": cell.priority_class if len(cell.arms) > 1 else None,
         "start_delays": _start_delays(cell) if len(cell.arms) > 1 else None,
         "collision_regions": sum(chart.regions for chart in charts) if charts else None,
+        "rules": list(dict.fromkeys(rule.rule for rule in cell.exclusions)),
         "arms": arms,
     }
 
@@ -193,6 +194,8 @@ def _show_coordination(cell: CoordinationCell, output: Output) -> None:
         output.say(f"{line}.")
         output.say(CLASSES[facts["priority_class"]])
         output.say(_best_order(facts))
+        for rule in facts["rules"]:
+            output.say(f"Rule: {shown(rule)}.")
     still = [entry["name"] for entry in facts["arms"] if not entry["holdable"]]
     if still:
         output.say(f"Cannot hold still everywhere on the path: {', '.join(still)}.")

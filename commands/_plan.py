@@ -56,17 +56,12 @@ def plan(
     if export is not None:
         check_output_folder(export.parent if export.suffix else export)
     built = open_cell(cell, output)
-    from armtempo.commands.plans import (
-        PLANS,
-        export_form,
-        export_plans,
-    )  # late: it imports the planners, and --help is to be quick
+    # late: it imports the planners, and --help is to be quick
+    from armtempo.commands.plans import PLANS, export_form, export_plans
 
     if export is not None:
         export_form(export, export_format, methods)  # before anything is computed
-    plans = PLANS[built.config.kind](
-        built, methods, output, control_period=control_period, orders=orders, smooth=smooth
-    )
+    plans = PLANS[built.kind](built, methods, output, control_period=control_period, orders=orders, smooth=smooth)
     with output.progress("Certifying"):
         entries = plans.entries()
     for table in plans.tables(entries):

@@ -39,7 +39,7 @@ def plot(
     from armtempo.commands.figures._write import draw  # late, as the next: matplotlib, and the planners
     from armtempo.commands.plans import PLANS
 
-    kind = PLANS[built.config.kind]
+    kind = PLANS[built.kind]
     if method is not None and method not in kind.METHODS:
         raise UnknownNameError("method", method, kind.METHODS)
     if kind.SHOWN is None:  # all alike, or the one that was asked for

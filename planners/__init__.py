@@ -7,7 +7,17 @@ Here is what a person types; each room has the rest: ``geometry``, ``blends``, `
 from __future__ import annotations
 
 from armtempo.planners.blends import BlendedPath, PredictorCorrector, blend, least_time_blend
-from armtempo.planners.cells import BlendCell, Cell, CoordinationCell, IKCell, build_cell, load_cell, load_robot
+from armtempo.planners.cells import (
+    BlendCell,
+    Cell,
+    CoordinationCell,
+    IKCell,
+    Task,
+    TaskCell,
+    build_cell,
+    load_cell,
+    load_robot,
+)
 from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination import Precedence, VelocityControl
 from armtempo.planners.exports import RobotMotion, export_motion
@@ -60,6 +70,8 @@ __all__ = [
     "ResolvedRateIK",
     "RobotMotion",
     "Schedule",
+    "Task",
+    "TaskCell",
     "VelocityControl",
     "audit_clearance",
     "benchmark_instances",

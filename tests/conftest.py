@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,18 @@ from scipy.interpolate import CubicSpline
 
 from armtempo.arrays import Floats
 from armtempo.configs import CellConfig, data_path
-from armtempo.planners import BlendCell, CoordinationCell, IKCell, JointPath, build_cell, load_cell
+from armtempo.planners import (
+    AbstractJointPath,
+    BlendCell,
+    CoordinationCell,
+    IKCell,
+    JointPath,
+    PathDynamics,
+    build_cell,
+    load_cell,
+)
+from armtempo.planners.joint_paths import Wait
+from armtempo.planners.topp import refined_plane
 from armtempo.robots import Arm
 
 os.environ["ARMTEMPO_CACHE"] = "off"  # tests find out for themselves
@@ -89,6 +101,34 @@ def joint_spline() -> Callable[[Floats], JointPath]:
 def lee1991() -> CoordinationCell:
     """The bundled cell of the 1991 paper; immutable, so built once."""
     return load_cell("lee1991")
+
+
+def with_paths(cell: CoordinationCell, paths: Sequence[AbstractJointPath]) -> CoordinationCell:
+    """The same arms on other paths, in charts of 1024 cells."""
+    planes = tuple(
+        refined_plane(
+            PathDynamics.from_path(
+                arm, path, intervals=cell.config.stations, torque_reserve=cell.torque_reserve
+            ),
+            tick=cell.physics_tick,
+        )
+        for arm, path in zip(cell.arms, paths, strict=True)
+    )  # fmt: skip
+    config = cell.config.model_copy(update={"chart_cells": 1024})
+    return replace(
+        cell, config=config, paths=tuple(paths), dynamics=tuple(plane.dynamics for plane in planes), planes=planes
+    )
+
+
+@pytest.fixture(scope="session")
+def there_and_back(lee1991: CoordinationCell) -> CoordinationCell:
+    """The arms of the 1991 paper go four fifths of their ways, stand for 0.1 and 0.15 s, and go back."""
+    paths = []
+    for path, dwell in zip(lee1991.paths, (0.1, 0.15), strict=True):
+        q = path.evaluate(np.linspace(0.0, 0.8 * path.length, 9))[0]
+        wait = Wait(lee1991.physics_tick)
+        paths.append(JointPath.sequence([JointPath.through(q), wait, dwell, wait, JointPath.through(q[::-1])]))
+    return with_paths(lee1991, paths)
 
 
 @pytest.fixture(scope="session")

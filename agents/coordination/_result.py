@@ -35,7 +35,8 @@ class CoordinationResult:
         torque_demand_ratio_max: Largest |demanded torque| / limit, before clipping.
         torque_clipped_fraction: Share of joint torques that were clipped by more than 0.1 % of their limit.
         path_error_max_m: Largest distance of a tip from its reference on the path [m].
-        violations: Ticks with a clearance below d_min, all episodes together (an episode ends on its first).
+        violations: Ticks with a clearance below d_min, or with a broken rule, all episodes together (an episode ends on
+            its first).
         interventions: Share of the decisions that the shield changed; None without a shield.
         finished: Episodes in which all arms arrived and none came too close.
         reward: Mean reward, all arms together.

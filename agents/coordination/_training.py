@@ -15,7 +15,7 @@ from armtempo.agents.coordination._teaching import Demonstrations
 from armtempo.agents.coordination._team_training import TeamEvaluator, demonstrations, team_simulations
 from armtempo.agents.evaluation import CurveEvaluator, Row, TrainingTask, beside, run_episode
 from armtempo.agents.policies import GRAPH_NAMES, Actions, Agent, LearnedPolicy, Observations, Policy
-from armtempo.configs import BenchmarkFilter, CellConfig, CoordinationTraining, TrainConfig, load_cell_config
+from armtempo.configs import BenchmarkFilter, CoordinationTraining, SharedSpaceConfig, TrainConfig, load_cell_config
 from armtempo.envs import (
     COORDINATION_ENTRIES,
     BatchSimulation,
@@ -215,7 +215,7 @@ def _cells_of(chosen: CoordinationTraining, source: Path) -> tuple[CoordinationC
     if chosen.benchmark is not None:
         configs = [instance.config for instance in _instances(chosen.benchmark)]
     else:
-        configs = [load_cell_config(beside(source, name), CellConfig) for name in chosen.cells or ()]
+        configs = [load_cell_config(beside(source, name), SharedSpaceConfig) for name in chosen.cells or ()]
     if chosen.control_period_s is not None:
         configs = [config.model_copy(update={"control_period_s": chosen.control_period_s}) for config in configs]
     return tuple(build_cell(config) for config in configs)

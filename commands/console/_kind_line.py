@@ -47,7 +47,7 @@ def _read(line: Sequence[str], flags: type[Any], program: str, cell: str) -> tup
     from armtempo.agents import kind_named, option_names  # late, as the next: --help is to be quick
     from armtempo.configs import load_cell_config
 
-    kind = kind_named(load_cell_config(cell).kind)
+    kind = kind_named(load_cell_config(cell).built_as)
     names = option_names(kind)
     made = with_flags(flags, kind.options_type, names)
     does = (flags.__doc__ or "").partition("\n\n")[0]

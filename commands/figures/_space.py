@@ -78,8 +78,14 @@ def _space_axes(figure: Figure, title: str) -> Axes:
 
 
 def widest_collision(chart: CoordinationChart) -> float:
-    """The master's station at which the longest stretch of the slave's path collides [lambda]; 0 where nothing does."""
+    """The master's station at which the longest stretch of the slave's path collides [lambda]; 0 where nothing does.
+
+    With rules: of those where the slave may go on to its end.
+    """
     occupied = (chart.states != 0).sum(axis=1)
+    passed = chart.states[:, -1] == 0
+    if chart.exclusions and occupied[passed].any():
+        occupied = np.where(passed, occupied, 0)
     return float((int(occupied.argmax()) + 0.5) * chart.step_a)
 
 
@@ -231,9 +237,11 @@ def coordination_chart(
                 zorder=9.0,
             )
     undecided = f"undecided, cells of {chart.step_a:.2g} {unit}\n({100 * chart.share(1):.2g} % of the chart)"
+    rules = ",\nor against a rule" if chart.exclusions else ""
+    near = f"{1e3 * chart.d_min:.4g} mm{rules}"
     handles = [
         Patch(facecolor="white", edgecolor=FAINT, label="free"),
-        Patch(facecolor=FORBIDDEN, label=f"collision region:\ncloser than {1e3 * chart.d_min:.4g} mm"),
+        Patch(facecolor=FORBIDDEN, label=f"collision region:\ncloser than {near}"),
         Patch(facecolor=FORBIDDEN_EDGE, label=undecided),
         Line2D([], [], color=COLLISION, linewidth=4.0, label="collision interval"),
     ]

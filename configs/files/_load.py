@@ -91,8 +91,8 @@ def parse_cell_config(data: object, source: Path, kind: type[CellFileConfig] | N
             value=said,
         )
     model = CELL_CONFIGS[said] if isinstance(said, str) else CellConfig
-    if kind is not None and model is not kind:
-        asked = next(name for name, known in CELL_CONFIGS.items() if known is kind)
+    if kind is not None and not issubclass(model, kind):
+        asked = next(name for name, known in CELL_CONFIGS.items() if issubclass(known, kind))
         raise ConfigError(
             f"{source}: kind: this is {with_article(said)} cell, and {with_article(asked)} cell is needed here",
             remedy=f"give a cell file of kind: {asked}",

@@ -15,7 +15,7 @@ from armtempo.configs.schema._arm import (
 from armtempo.configs.schema._base import CHOICE, CellTitle, FileModel, NonNegative, Positive, Real
 from armtempo.configs.schema._blend import BlendCellConfig, LineSpeedConfig
 from armtempo.configs.schema._cell import CellFileConfig
-from armtempo.configs.schema._coordination import CellConfig
+from armtempo.configs.schema._coordination import CellConfig, SharedSpaceConfig
 from armtempo.configs.schema._geometry import ArcConfig, BlendConfig, LineConfig, PathConfig, PoseConfig, SegmentConfig
 from armtempo.configs.schema._ik import (
     FeedbackLawConfig,
@@ -33,13 +33,27 @@ from armtempo.configs.schema._obstacles import (
     ObstacleConfig,
     SphereConfig,
 )
+from armtempo.configs.schema._task import (
+    CornerConfig,
+    EventConfig,
+    MoveConfig,
+    PlaceConfig,
+    RepeatConfig,
+    StepConfig,
+    SyncConfig,
+    TaskArcConfig,
+    TaskArmConfig,
+    TaskCellConfig,
+    TaskLineConfig,
+)
 
-AnyCellConfig = CellConfig | BlendCellConfig | IKCellConfig
+AnyCellConfig = CellConfig | BlendCellConfig | IKCellConfig | TaskCellConfig
 
-CELL_CONFIGS: Mapping[str, type[CellConfig] | type[BlendCellConfig] | type[IKCellConfig]] = {
+CELL_CONFIGS: Mapping[str, type[CellConfig] | type[BlendCellConfig] | type[IKCellConfig] | type[TaskCellConfig]] = {
     "coordination": CellConfig,
     "blend": BlendCellConfig,
     "ik": IKCellConfig,
+    "task": TaskCellConfig,
 }
 """What a cell file may say, by its ``kind``."""
 
@@ -79,5 +93,17 @@ __all__ = [
     "TargetConfig",
     "TimedPoseConfig",
     "ToolConfig",
+    "CornerConfig",
+    "EventConfig",
+    "MoveConfig",
+    "PlaceConfig",
+    "RepeatConfig",
+    "SharedSpaceConfig",
+    "StepConfig",
+    "SyncConfig",
+    "TaskArcConfig",
+    "TaskArmConfig",
+    "TaskCellConfig",
+    "TaskLineConfig",
     "FileModel",
 ]

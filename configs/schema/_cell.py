@@ -49,6 +49,11 @@ class CellFileConfig(FileModel):
         return self._source
 
     @property
+    def built_as(self) -> str:
+        """The kind of cell that it becomes: which environments, policies and reports are for it."""
+        return self.kind
+
+    @property
     def ticks_per_period(self) -> int:
         """Simulation steps between two decisions."""
         return round(self.control_period_s / self.physics_tick_s)

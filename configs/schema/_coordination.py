@@ -13,7 +13,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
-from armtempo.configs.schema._arm import ArmConfig
+from armtempo.configs.schema._arm import ArmConfig, MountedArmConfig
 from armtempo.configs.schema._base import (
     NonNegative,
     Positive,
@@ -22,7 +22,7 @@ from armtempo.configs.schema._base import (
 from armtempo.configs.schema._cell import CellFileConfig
 from armtempo.configs.schema._obstacles import ObstacleConfig
 
-_Named = TypeVar("_Named", ArmConfig, ObstacleConfig)
+_Named = TypeVar("_Named", MountedArmConfig, ObstacleConfig)
 
 
 RESERVE_MAX = 0.9
@@ -43,11 +43,9 @@ def _reserve(value: Any) -> Any:
     return value
 
 
-class CellConfig(CellFileConfig):
-    """Arms that share a space, each on its own given path, and how closely they may pass."""
+class SharedSpaceConfig(CellFileConfig):
+    """What cells of several arms say, whatever their paths come from: how closely they may pass, and how to plan."""
 
-    kind: Literal["coordination"]
-    """What the cell is for."""
     d_min_m: NonNegative
     """Smallest distance allowed between the surfaces of two arms, or of an arm and an obstacle [m].
 
@@ -78,7 +76,7 @@ class CellConfig(CellFileConfig):
     Likewise the least that a chart has: two or four times as many where undecided cells would cost time, and eight
     times where they would shut a way.
     """
-    arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
+    arms: Annotated[tuple[MountedArmConfig, ...], Field(min_length=1)]
     """The arms in priority order: the first is the master."""
     obstacles: tuple[ObstacleConfig, ...] = ()
     """Bodies that stand still."""
@@ -86,11 +84,16 @@ class CellConfig(CellFileConfig):
     def chart_tolerance(self, longest: float) -> float:
         """Side of the smallest cell of a chart [lambda], the longer of its two paths being ``longest``."""
         cells = self.chart_cells
-        if cells is None and any(arm.path.start_m is None for arm in self.arms):
+        if cells is None and not self.measured_in_metres:
             cells = 1024
         if cells is not None:
             return longest / cells * (1.0 + 1e-9)  # so that rounding does not double the cells
         return self.chart_tolerance_m
+
+    @property
+    def measured_in_metres(self) -> bool:
+        """Whether lambda is the length of all paths [m]."""
+        return False
 
     @field_validator("arms", "obstacles")
     @classmethod
@@ -108,8 +111,22 @@ class CellConfig(CellFileConfig):
         if "chart_tolerance_m" in self.model_fields_set:
             if self.chart_cells is not None:
                 raise ValueError("chart_cells: give it or chart_tolerance_m, not both")
-            if any(arm.path.start_m is None for arm in self.arms):
+            if not self.measured_in_metres:
                 raise ValueError(
                     "chart_tolerance_m: paths through joint waypoints are not measured in metres; give chart_cells"
                 )
         return self
+
+
+class CellConfig(SharedSpaceConfig):
+    """Arms that share a space, each on its own given path, and how closely they may pass."""
+
+    kind: Literal["coordination"]
+    """What the cell is for."""
+    arms: Annotated[tuple[ArmConfig, ...], Field(min_length=1)]
+    """The arms in priority order: the first is the master."""
+
+    @property
+    def measured_in_metres(self) -> bool:
+        """Whether lambda is the length of all paths [m]."""
+        return all(arm.path.start_m is not None for arm in self.arms)

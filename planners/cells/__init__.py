@@ -12,6 +12,7 @@ from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
 from armtempo.planners.cells._robot import load_robot
+from armtempo.planners.cells._task_cell import Task, TaskCell
 from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
 __all__ = [
@@ -34,6 +35,8 @@ __all__ = [
     "ProfileName",
     "TARGET_FAMILIES",
     "TargetFamilyName",
+    "Task",
+    "TaskCell",
     "as_cell",
     "build_cell",
     "draw_path",

@@ -143,7 +143,7 @@ def segments_from(config: ArmConfig) -> list[Line | Arc]:
     return segments
 
 
-def obstacle_from(config: CellConfig, obstacle: ObstacleConfig) -> Shape:
+def obstacle_from(config: CellFileConfig, obstacle: ObstacleConfig) -> Shape:
     size: tuple[float, ...] = ()
     file = None
     if obstacle.box is not None:

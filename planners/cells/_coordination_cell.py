@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import ClassVar, final
 
-from armtempo.configs import CellConfig
+from armtempo.configs import CellConfig, SharedSpaceConfig, TaskCellConfig
 from armtempo.errors import CollisionError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
 from armtempo.planners.cells._cell import CellBase, Sweep, sweeps_along
-from armtempo.planners.charts import CoordinationChart, check_path, with_joined_cores
+from armtempo.planners.cells._task import Ways, tasks_from
+from armtempo.planners.charts import CoordinationChart, Exclusion, check_path, with_joined_cores
 from armtempo.planners.coordination import (
     MakespanBound,
     PassingOrders,
@@ -19,7 +21,7 @@ from armtempo.planners.coordination import (
     TimingProblem,
     pairs_to_refine,
 )
-from armtempo.planners.joint_paths import AbstractJointPath
+from armtempo.planners.joint_paths import AbstractJointPath, SequencePath
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, minimum_time, refined_plane
 from armtempo.robots import Arm, Clearance, Shape
 
@@ -30,13 +32,23 @@ CONTROL_SHARE = 0.01
 """Of a torque limit, for what a motion in ticks needs beyond the smooth one: 0.6 % in planar-four."""
 
 
-def _reserve_of(config: CellConfig) -> float:
+def _ways_from(config: CellConfig, arms: Sequence[Arm]) -> Ways:
+    """The paths of a file that gives them."""
+    found = []
+    for i, (arm, given) in enumerate(zip(arms, config.arms, strict=True)):
+        with located(f"{config.source}, arms[{i}].path"):
+            found.append(path_from(arm, config, given))
+    paths, tool_speeds = zip(*found, strict=True)
+    return Ways(key="path", paths=paths, tool_speeds=tool_speeds)
+
+
+def _reserve_of(config: SharedSpaceConfig) -> float:
     return CONTROL_SHARE if config.torque_reserve == "auto" else config.torque_reserve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 @final
-class CoordinationCell(CellBase[CellConfig]):
+class CoordinationCell(CellBase[SharedSpaceConfig]):
     """Arms on given paths in one place. Make one with ``load_cell`` or ``build_cell``.
 
     Attributes:
@@ -48,9 +60,11 @@ class CoordinationCell(CellBase[CellConfig]):
         dynamics: One per arm, the torque reserve taken off the limits.
         planes: One phase plane per arm.
         clearance: FCL distances between arms and to obstacles.
+        exclusions: Rules: parts of two paths in which arms are not to be at once, whatever their distance. Charts hold
+            them, so every planner, bound and shield does.
     """
 
-    config_type: ClassVar = CellConfig
+    config_type: ClassVar = SharedSpaceConfig
 
     arms: tuple[Arm, ...]
     paths: tuple[AbstractJointPath, ...]
@@ -58,19 +72,22 @@ class CoordinationCell(CellBase[CellConfig]):
     dynamics: tuple[PathDynamics, ...]
     planes: tuple[PhasePlane, ...]
     clearance: Clearance
+    exclusions: tuple[Exclusion, ...] = ()
 
     @classmethod
-    def from_config(cls, config: CellConfig) -> CoordinationCell:
+    def from_config(cls, config: SharedSpaceConfig) -> CoordinationCell:
         """Build the arms, their paths and planes, and certify them; raises as ``load_cell``."""
-        arms, paths, planes = [], [], []
+        arms: list[Arm] = []
         for i, given in enumerate(config.arms):
             with located(f"{config.source}, arms[{i}]"):
                 arms.append(arm_from(config, given))
-            with located(f"{config.source}, arms[{i}].path"):
-                path, tool_speed = path_from(arms[i], config, given)
-                paths.append(path)
+        assert isinstance(config, CellConfig | TaskCellConfig)
+        ways = tasks_from(config, arms) if isinstance(config, TaskCellConfig) else _ways_from(config, arms)
+        planes = []
+        for i, (arm, path, tool_speed) in enumerate(zip(arms, ways.paths, ways.tool_speeds, strict=True)):
+            with located(f"{config.source}, arms[{i}].{ways.key}"):
                 dynamics = PathDynamics.from_path(
-                    arms[i], path, intervals=config.stations, torque_reserve=_reserve_of(config),
+                    arm, path, intervals=config.stations, torque_reserve=_reserve_of(config),
                     tool_speed_m_s=tool_speed,
                 )  # fmt: skip
                 planes.append(refined_plane(dynamics, tick=config.physics_tick_s))
@@ -79,11 +96,12 @@ class CoordinationCell(CellBase[CellConfig]):
             name=config.name,
             config=config,
             arms=tuple(arms),
-            paths=tuple(paths),
+            paths=ways.paths,
             obstacles=obstacles,
             dynamics=tuple(plane.dynamics for plane in planes),
             planes=tuple(planes),
             clearance=Clearance(arms, obstacles),
+            exclusions=ways.exclusions,
         )
         cell.certify()
         return cell
@@ -95,7 +113,8 @@ class CoordinationCell(CellBase[CellConfig]):
             CollisionError: Something comes too close; the message names the place in the cell's file and the bodies.
         """
         for i in range(len(self.arms)):
-            with located(f"{self.config.source}, arms[{i}].path"):
+            key = "task" if isinstance(self.config, TaskCellConfig) else "path"
+            with located(f"{self.config.source}, arms[{i}].{key}"):
                 self.check_path(i)
         if len(self.arms) > 1:
             with located(str(self.config.source)):
@@ -105,7 +124,7 @@ class CoordinationCell(CellBase[CellConfig]):
         """So many postures of every arm along its path, for pictures."""
         return sweeps_along(self.arms, self.paths, count)
 
-    def __reduce__(self) -> tuple[object, tuple[CellConfig]]:
+    def __reduce__(self) -> tuple[object, tuple[SharedSpaceConfig]]:
         return type(self).from_config, (self.config,)  # FCL's objects do not travel: another process builds it again
 
     @property
@@ -143,8 +162,17 @@ class CoordinationCell(CellBase[CellConfig]):
         return {}  # filled as pairs are asked for
 
     @cached_property
+    def _charts_without_rules(self) -> dict[tuple[int, int, float, int], CoordinationChart]:
+        return {}  # likewise
+
+    @cached_property
     def _closer_charts(self) -> dict[tuple[int, int, float], CoordinationChart]:
         return {}  # likewise
+
+    def _rules(self, i: int, j: int) -> tuple[Exclusion, ...]:
+        """Those between arms i and j, in that order."""
+        own = (rule if rule.arms == (i, j) else rule.swapped for rule in self.exclusions if {i, j} == set(rule.arms))
+        return tuple(own)
 
     def _chart(self, i: int, j: int, d_min: float, halvings: int | None = None) -> CoordinationChart:
         """``halvings``: of the side that the file asks for; None: as many as the pair has."""
@@ -155,11 +183,22 @@ class CoordinationCell(CellBase[CellConfig]):
         if halvings is None:
             halvings = self._halvings[i, j]
         if (i, j, d_min, halvings) not in self._charts:
-            tolerance = self.config.chart_tolerance(max(self.paths[k].length for k in (i, j)))
-            self._charts[i, j, d_min, halvings] = CoordinationChart.build(
-                self.arms[i], self.paths[i], self.arms[j], self.paths[j], d_min, tolerance / 2**halvings
-            )
+            chart = self._chart_without_rules(i, j, d_min, halvings)
+            self._charts[i, j, d_min, halvings] = chart.excluding(self._rules(i, j))
         return self._charts[i, j, d_min, halvings]
+
+    def _chart_without_rules(self, i: int, j: int, d_min: float, halvings: int) -> CoordinationChart:
+        """Of distances alone; i < j."""
+        if (i, j, d_min, halvings) not in self._charts_without_rules:
+            paths = self.paths[i], self.paths[j]
+            tolerance = self.config.chart_tolerance(max(path.length for path in paths))
+            for path in paths:
+                if isinstance(path, SequencePath):  # its borders are those of cells
+                    tolerance = min(tolerance, path.length / path.cells * (1.0 + 1e-9))
+            self._charts_without_rules[i, j, d_min, halvings] = CoordinationChart.build(
+                self.arms[i], paths[0], self.arms[j], paths[1], d_min, tolerance / 2**halvings
+            )
+        return self._charts_without_rules[i, j, d_min, halvings]
 
     @cached_property
     def _halvings(self) -> dict[tuple[int, int], int]:
@@ -186,6 +225,18 @@ class CoordinationCell(CellBase[CellConfig]):
         """
         return self._chart(i, j, self.planned_clearance)
 
+    def chart_behind(self, i: int, j: int) -> CoordinationChart:
+        """``chart_between`` without the rules in which arm i waits for j: what j may have to wait for i in."""
+        rules = self._rules(i, j)
+        own = tuple(rule for rule in rules if rule.part_a[0] <= 0.0 or rule.part_b[0] > 0.0)
+        if len(own) == len(rules):
+            return self.chart_between(i, j)
+        if i > j:
+            chart = self._chart_without_rules(j, i, self.planned_clearance, self._halvings[j, i]).swapped
+        else:
+            chart = self._chart_without_rules(i, j, self.planned_clearance, self._halvings[i, j])
+        return chart.excluding(own)
+
     def bound_chart_between(self, i: int, j: int) -> CoordinationChart:
         """Coordination chart of arms i and j for bounds, first index along path i: at ``d_min``.
 
@@ -197,9 +248,11 @@ class CoordinationCell(CellBase[CellConfig]):
         if i > j:
             return self._looked_closer(j, i, d_min).swapped
         if (i, j, d_min) not in self._closer_charts:
-            self._closer_charts[i, j, d_min] = with_joined_cores(
-                self._chart(i, j, d_min), (self.arms[i], self.arms[j]), (self.paths[i], self.paths[j])
-            )
+            rules, arms, paths = self._rules(i, j), (self.arms[i], self.arms[j]), (self.paths[i], self.paths[j])
+            chart = self._chart(i, j, d_min)
+            if rules:
+                chart = self._chart_without_rules(i, j, d_min, self._halvings[i, j])
+            self._closer_charts[i, j, d_min] = with_joined_cores(chart, arms, paths).excluding(rules)
         return self._closer_charts[i, j, d_min]
 
     def chart_at(self, i: int, j: int, clearance: float) -> CoordinationChart:

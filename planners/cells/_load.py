@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from armtempo.configs import AnyCellConfig, BlendCellConfig, CellConfig, IKCellConfig, load_cell_config
+from armtempo.configs import BlendCellConfig, CellFileConfig, IKCellConfig, SharedSpaceConfig, load_cell_config
 from armtempo.errors import InputError, brief
 from armtempo.planners.cells._blend_cell import BlendCell
 from armtempo.planners.cells._cell import CellBase
@@ -16,7 +16,7 @@ from armtempo.planners.cells._ik_cell import IKCell
 C = TypeVar("C", bound=CellBase[Any])
 
 CELLS: Mapping[str, type[CellBase[Any]]] = {"coordination": CoordinationCell, "blend": BlendCell, "ik": IKCell}
-"""Every kind of cell, by the ``kind`` of its file."""
+"""Every kind of cell; files of kind ``task`` become cells of kind ``coordination``."""
 
 
 @overload
@@ -51,14 +51,14 @@ def load_cell(name_or_path: str | Path, kind: type[CellBase[Any]] | None = None)
 
 
 @overload
-def build_cell(config: CellConfig) -> CoordinationCell: ...
+def build_cell(config: SharedSpaceConfig) -> CoordinationCell: ...
 @overload
 def build_cell(config: BlendCellConfig) -> BlendCell: ...
 @overload
 def build_cell(config: IKCellConfig) -> IKCell: ...
-def build_cell(config: AnyCellConfig) -> CellBase[Any]:
+def build_cell(config: CellFileConfig) -> CellBase[Any]:
     """Build and certify a cell (of an IK cell postures only, not what is between); raises as ``load_cell``."""
-    return CELLS[config.kind].from_config(config)
+    return CELLS[config.built_as].from_config(config)
 
 
 def as_cell(cell: C | str | Path, kind: type[C]) -> C:

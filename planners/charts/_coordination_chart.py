@@ -9,7 +9,8 @@ else the links' real shapes do; only real shapes block one. Planning takes undec
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, final
 
@@ -20,6 +21,7 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.cache import Arrays, cached, content_key
 from armtempo.errors import InputError, brief
 from armtempo.planners.charts._arm_sweep import ArmSweep
+from armtempo.planners.charts._exclusions import Exclusion, paint
 from armtempo.planners.charts._motion_content import motion_content
 from armtempo.planners.charts._quadtree import BLOCKED, FREE, UNDECIDED, certify
 from armtempo.planners.charts._regions import CollisionRegion, collision_regions
@@ -49,6 +51,7 @@ class CoordinationChart:
             between them; see ``with_joined_cores``.
         pair_queries: Distances of link pairs that were computed, by their enclosing capsules.
         shape_queries: For how many of them those were too near, so that the real shapes were asked.
+        exclusions: Rules between the two arms that its states hold, too.
     """
 
     states: NDArray[np.uint8]
@@ -58,6 +61,7 @@ class CoordinationChart:
     joined: Ints = field(default_factory=lambda: np.empty((0, 4), dtype=np.int64))
     pair_queries: int = 0
     shape_queries: int = 0
+    exclusions: tuple[Exclusion, ...] = ()
 
     def __post_init__(self) -> None:
         self.states.setflags(write=False)
@@ -129,6 +133,30 @@ class CoordinationChart:
             pair_queries=by_capsules, shape_queries=by_shapes,
         )  # fmt: skip
 
+    def excluding(self, exclusions: Sequence[Exclusion]) -> CoordinationChart:
+        """The same chart in which further parts of the paths may not be combined; the arms are its own, in its order.
+
+        Planning takes every cell that a rule touches for blocked, bounds those that are inside one that is certain.
+        """
+        if not exclusions:
+            return self
+        states = self.states.copy()
+        for exclusion in exclusions:
+            paint(states, exclusion, (self.step_a, self.step_b), UNDECIDED, BLOCKED)
+        return replace(self, states=states, exclusions=(*self.exclusions, *exclusions))
+
+    def rule_at(self, cell_a: int, cell_b: int) -> str | None:
+        """The rule that shuts a cell, in words; None: there is none, but the arms may be too close."""
+        for exclusion in self.exclusions:
+            (a0, a1), (b0, b1) = exclusion.part_a, exclusion.part_b
+            a, b = (cell_a + 0.5) * self.step_a, (cell_b + 0.5) * self.step_b
+            if (
+                a0 - 0.5 * self.step_a < a < a1 + 0.5 * self.step_a
+                and b0 - 0.5 * self.step_b < b < b1 + 0.5 * self.step_b
+            ):
+                return exclusion.rule
+        return None
+
     @property
     def resolution(self) -> int:
         """Number of cells R along each side."""
@@ -153,6 +181,7 @@ class CoordinationChart:
             length_b=self.length_a,
             d_min=self.d_min,
             joined=self.joined[:, [1, 0, 3, 2]],
+            exclusions=tuple(exclusion.swapped for exclusion in self.exclusions),
         )
 
     @cached_property

@@ -20,6 +20,7 @@ from armtempo.planners.coordination._order_delays import order_delays
 from armtempo.planners.coordination._order_search import OrderSearch, order_tables
 from armtempo.planners.coordination._passing_orders import Orders, PassingOrders, PassingRegion
 from armtempo.planners.coordination._precedence import Precedence
+from armtempo.planners.coordination._rules import check_rules
 from armtempo.planners.coordination._start_delays import delayed, offset, one_by_one
 from armtempo.planners.coordination._time_windows import pair_is_free
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
@@ -45,6 +46,7 @@ __all__ = [
     "VciPlan",
     "VelocityControl",
     "arm_orders",
+    "check_rules",
     "delayed",
     "joint_bound",
     "makespan",

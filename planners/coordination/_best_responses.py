@@ -17,6 +17,7 @@ import numpy as np
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError
 from armtempo.planners.charts import CoordinationChart
+from armtempo.planners.coordination._event_graph import event_graph
 from armtempo.planners.coordination._interval_search import ALL_STAGES, COARSE_STAGES, Stage
 from armtempo.planners.coordination._makespan_bound import guide_path
 from armtempo.planners.coordination._start_delays import delayed, offset, start_offset
@@ -69,9 +70,9 @@ def respond(
     except InfeasibleError as error:
         if shifted is not None:
             return shifted
-        names = ", ".join(repr(problem.names[j]) for j in others)
+        names, rules = ", ".join(repr(problem.names[j]) for j in others), problem.rules_of([arm, *others])
         raise InfeasibleError(
-            f"arm {problem.names[arm]!r} finds no way among {names}: {error.message}",
+            f"arm {problem.names[arm]!r} finds no way among {names}: {error.message}{rules and f' ({rules})'}",
             remedy="try another order, or 'optimal', in which all arms may yield",
             **error.data,
         ) from error
@@ -223,6 +224,16 @@ def shift_only(best: Best) -> None:
     """Plans of start delays and offsets in the order of the cell and in that of the plan, if they are better."""
     for motions, order in _shifted(best.problem, [best.problem.arms, best.order]):
         best.take(motions, order)
+
+
+def take_events(best: Best) -> None:
+    """For paths with stops: waiting there alone, in the best passing order."""
+    planes = best.problem.planes
+    stops = any(plane.dynamics.path is not None and len(plane.dynamics.path.stops) for plane in planes)
+    if stops and all(best.problem.holdable):
+        motions = event_graph(best.problem)
+        if motions is not None:
+            best.take(motions)
 
 
 def _take_prioritised(best: Best, orders: list[tuple[int, ...]]) -> None:

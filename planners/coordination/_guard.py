@@ -134,8 +134,11 @@ def places_at_checks(
 
 
 def horizon(planes: Sequence[PhasePlane], period: float, checks: int) -> int:
-    """Number of checks after which everybody who brakes is at rest: twice a minimum time is more than it takes."""
-    longest = max(plane.fastest().duration for plane in planes)
+    """Number of checks after which everybody who brakes is at rest: twice a minimum time is more than it takes.
+
+    Of a path with stops it is that of the longest run between two of them.
+    """
+    longest = max(plane.fastest().longest_run for plane in planes)
     return checks * (math.ceil(2.0 * longest / period) + 2)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple, final
 
 import numpy as np
@@ -26,11 +27,13 @@ from armtempo.planners.coordination._interval_kernels import (
     trace,
 )
 from armtempo.planners.coordination._time_windows import Occupancy, Runs, forbidden_windows
+from armtempo.planners.joint_paths import Standing
 from armtempo.planners.topp import LIMIT_EXCESS_MAX, PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 from armtempo.robots import njit
 
 MOST_INTERVALS = 1200  # between stations
+RUN_INTERVALS = 8  # at least, between two stops
 LEAST_SLOTS = 1024  # equal pieces of the path with windows of their own
 SAME_WINDOW_SHARE = 0.1  # of the mean time between stations: windows that differ by less are one
 LEAST_GAIN_SHARE = 2e-4  # of the arrival time: what is worth another search
@@ -98,9 +101,37 @@ class IntervalSearch:
         """Rows of the grid that may be stations: the first at each place, thinned if there are too many."""
         station = self.plane.rows.station
         rows = np.flatnonzero(np.concatenate([[True], np.diff(station) > 0.0]))
-        rows = rows[:: -(-(len(rows) - 1) // MOST_INTERVALS)]
-        last = len(station) - 1
-        return rows if rows[-1] == last else np.append(rows, last)
+        forced = rows[np.isin(station[rows], self._forced)]
+        return np.union1d(rows[:: -(-(len(rows) - 1) // MOST_INTERVALS)], np.append(forced, len(station) - 1))
+
+    @cached_property
+    def _forced(self) -> Floats:
+        """Places without which no lattice will do: the ends, stops, and the middles of parts where the arm stands."""
+        path, station = self.plane.dynamics.path, self.plane.rows.station
+        stops = () if path is None else path.stops
+        return np.unique([station[0], *stops, *(part.middle for part in self._standing), station[-1]])
+
+    def _pick(self, intervals: int) -> Ints:
+        """Rows of the grid for so many intervals, more where few would be left of a run between two stops."""
+        rows, total = self._stations, len(self._stations) - 1
+        marks = np.flatnonzero(np.isin(self.plane.rows.station[rows], self._forced))
+        if len(marks) == 2:
+            pick = rows[:: max(1, round(total / intervals))]
+            return pick if pick[-1] == rows[-1] else np.append(pick, rows[-1])
+        places = [marks[-1:]]
+        still = np.array([part.middle for part in self._standing])
+        for first, last in pairwise(marks):
+            ends = self.plane.rows.station[rows[[first, last]]]
+            stands = np.isin(ends, still).any()
+            rows_between = int(last - first)
+            count = 1 if stands else max(min(RUN_INTERVALS, rows_between), round(intervals * rows_between / total))
+            places.append(np.linspace(first, last, count + 1).round().astype(np.int64)[:-1])
+        return np.asarray(rows[np.unique(np.concatenate(places))])
+
+    @property
+    def _standing(self) -> tuple[Standing, ...]:
+        path = self.plane.dynamics.path
+        return () if path is None else path.standing
 
     @cached_property
     def fastest(self) -> PhaseTrajectory:
@@ -152,7 +183,11 @@ class IntervalSearch:
         rows = self.plane.rows
         if share <= 0.0:
             return rows
-        return rows._replace(low=rows.low + share * np.abs(rows.low), high=rows.high - share * np.abs(rows.high))
+        off_low, off_high = share * np.abs(rows.low), share * np.abs(rows.high)
+        wide = rows.high - rows.low > off_low + off_high  # else it is a dwell's, which is no limit to stay away from
+        return rows._replace(
+            low=np.where(wide, rows.low + off_low, rows.low), high=np.where(wide, rows.high - off_high, rows.high)
+        )
 
     def _check_ends(self, first: Ints, start: Floats, stop: Floats) -> None:
         begin, end = slice(first[0], first[1]), slice(first[-2], first[-1])
@@ -172,10 +207,7 @@ class IntervalSearch:
     ) -> PhaseTrajectory:
         found: _Found | None = None
         for stage in stages:
-            step = max(1, round((len(self._stations) - 1) / stage.intervals))
-            pick = self._stations[::step]
-            if pick[-1] != self._stations[-1]:
-                pick = np.append(pick, self._stations[-1])
+            pick = self._pick(stage.intervals)
             windows = self._windows(pick, first, start, stop)
             for _ in range(stage.repeats):
                 # who is not past a station by then cannot arrive in time, whatever it does

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armtempo.arrays import Floats, Ints
+from armtempo.arrays import Bools, Floats, Ints
 from armtempo.robots import inlined, njit
 
 A, B, R, LOW, HIGH = range(5)  # columns of the rows of a chain
@@ -22,13 +22,14 @@ class Chain(NamedTuple):
 
     ``rows`` (S, 2, J, 5): of the interval that begins at a station, the limits at either end, ``a`` over twice the
     length; all over half their width. ``first`` (A+1,): where each arm begins. The first and the last of an arm are
-    fixed.
+    fixed, and ``x`` at stops and in dwells.
     """
 
     station: Floats  # (S,)
     first: Ints
     rows: Floats
     cap: Floats  # (S,) of x
+    fixed: Bools  # (S,)
 
 
 class Places(NamedTuple):
@@ -58,7 +59,7 @@ def room(chain: Chain, x: Floats, slack: Floats, bounds: Floats) -> float:
                     value = _value(row, x[s], x[s + 1], x[s + e])
                     slack[s, e, j, 0], slack[s, e, j, 1] = value - row[LOW], row[HIGH] - value
                     least = min(least, slack[s, e, j, 0], slack[s, e, j, 1])
-            if s > begin:
+            if not chain.fixed[s]:
                 bounds[s, 0], bounds[s, 1] = x[s], chain.cap[s] - x[s]
                 least = min(least, bounds[s, 0], bounds[s, 1])
     return least
@@ -85,7 +86,7 @@ def _slopes(way: float, share: float, x: float, x_next: float) -> tuple[float, f
     there = max(x + share * (x_next - x), 0.0)
     root, far = np.sqrt(x), np.sqrt(there)
     pace = (root + far) ** 2
-    near = way / (pace * root) if root > 0.0 else 0.0  # the first station of an arm is fixed
+    near = way / (pace * root) if root > 0.0 else 0.0  # where it is 0 it is fixed
     beyond = way / (pace * far) if far > 0.0 else 0.0
     return -near - (1.0 - share) * beyond, -share * beyond
 
@@ -101,14 +102,16 @@ def slopes(chain: Chain, places: Places, x: Floats, slope: Floats, ends: Floats)
         for s in range(chain.first[arm], chain.first[arm + 1] - 1):
             length = chain.station[s + 1] - chain.station[s]
             slope[s, 1], slope[s + 1, 0] = _slopes(length, 1.0, float(x[s]), float(x[s + 1]))
-        slope[chain.first[arm]] = slope[chain.first[arm + 1] - 1] = 0.0
+        for s in range(chain.first[arm], chain.first[arm + 1]):
+            if chain.fixed[s]:
+                slope[s] = 0.0
         for p in range(places.first[arm], places.first[arm + 1]):
             s, way = places.station[p], places.way[p]
             share = way / (chain.station[s + 1] - chain.station[s])
             ends[p, 0], ends[p, 1] = _slopes(way, share, float(x[s]), float(x[s + 1]))
-            if s == chain.first[arm]:
+            if chain.fixed[s]:
                 ends[p, 0] = 0.0
-            if s + 1 == chain.first[arm + 1] - 1:
+            if chain.fixed[s + 1]:
                 ends[p, 1] = 0.0
 
 
@@ -177,12 +180,14 @@ def assemble(
                     beside[s] += stiff * g * g_next
                     gradient[s] += force * g
                     gradient[s + 1] += force * g_next
-            if s > begin:
+            if not chain.fixed[s]:
                 diagonal[s] += z_bounds[s, 0] / bounds[s, 0] + z_bounds[s, 1] / bounds[s, 1] + prudence / (x[s] * x[s])
                 gradient[s] += mu / bounds[s, 1] - mu / bounds[s, 0]
-        for s in (begin, last):
-            diagonal[s], gradient[s] = 1.0, 0.0
-        beside[begin], beside[last - 1] = 0.0, 0.0
+        for s in range(begin, last + 1):
+            if chain.fixed[s]:
+                diagonal[s], gradient[s] = 1.0, 0.0
+                beside[s] = 0.0
+                beside[max(s - 1, begin)] = 0.0
 
 
 @njit
@@ -311,7 +316,7 @@ def step_rows(
                             dz[s, e, j, side] = mu / left - own + own * fall
                             shrink = max(shrink, fall)
                             shrink_z = max(shrink_z, -dz[s, e, j, side] / own)
-            if s > begin:
+            if not chain.fixed[s]:
                 for side in range(2):
                     left = bounds[s, side]
                     if left < np.inf:
@@ -338,7 +343,7 @@ def log_sum(chain: Chain, slack: Floats, bounds: Floats) -> float:
                             product *= slack[s, e, j, side]
                 total += np.log(product)
                 product = 1.0
-            if s > begin:
+            if not chain.fixed[s]:
                 total += np.log(bounds[s, 0])
                 if bounds[s, 1] < np.inf:
                     total += np.log(bounds[s, 1])

@@ -17,7 +17,14 @@ from functools import cached_property
 import numpy as np
 
 from armtempo.errors import InfeasibleError, InputError, brief
-from armtempo.planners.coordination._best_responses import Best, best_responses, improved, respond, shift_only
+from armtempo.planners.coordination._best_responses import (
+    Best,
+    best_responses,
+    improved,
+    respond,
+    shift_only,
+    take_events,
+)
 from armtempo.planners.coordination._interval_search import ALL_STAGES
 from armtempo.planners.coordination._joint_bound import RelaxedTimes
 from armtempo.planners.coordination._joint_refinement import refine
@@ -61,9 +68,10 @@ def optimal(
             remedy="give a share like 0.005, and seconds",
         )
     if np.isinf(problem.lower_bound):
+        rules = problem.rules_of(problem.arms)
         raise InfeasibleError(
-            "no timing at all keeps the arms apart (certified)",
-            remedy="lower d_min_m, or move a path or a base",
+            f"no timing at all keeps the arms apart{rules and f' and to their rules: {rules}'} (certified)",
+            remedy=f"{'take a rule back, ' if rules else ''}lower d_min_m, or move a path or a base",
             reason="certified infeasible",
         )
     if len(problem.arms) == 1:
@@ -71,6 +79,7 @@ def optimal(
     if np.isinf(problem.attainable):
         raise _no_plan(problem)
     best = Best(problem)
+    take_events(best)
     classes = _Classes(problem, best, (1.0 + gap) * problem.lower_bound, time.perf_counter() + limit)
     if len(problem.arms) > 2:  # orders are many: they are tried once there is a plan to beat
         classes.refine_first(starts)

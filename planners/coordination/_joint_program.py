@@ -17,7 +17,7 @@ from armtempo.arrays import Bools, Floats, Ints
 from armtempo.planners.coordination._joint_kernels import HIGH, LOW, Chain, Places, log_sum, read_clocks, room
 from armtempo.planners.coordination._passing_corners import Corners
 from armtempo.planners.coordination._timing_problem import Motions, TimingProblem, makespan
-from armtempo.planners.topp import PhaseTrajectory
+from armtempo.planners.topp import PhasePlane, PhaseTrajectory
 from armtempo.planners.topp.kernels import Rows
 
 CORNER_MARGIN = (
@@ -65,7 +65,10 @@ class JointProgram:
         parts = [_own_rows(plane.rows, joints, reserve) for plane in problem.planes]
         station, rows, cap = (np.concatenate(column) for column in zip(*parts, strict=True))
         first = np.cumsum([0, *(len(own) for own, _, _ in parts)], dtype=np.int64)
-        chain = Chain(station, first, rows, cap)
+        fixed = np.concatenate([_fixed(plane, own) for plane, (own, _, _) in zip(problem.planes, parts, strict=True)])
+        given = np.append(fixed[:-1] & fixed[1:], True)  # nothing is to be chosen there
+        rows[given, ..., LOW], rows[given, ..., HIGH] = -np.inf, np.inf
+        chain = Chain(station, first, rows, cap, fixed)
         fastest = [np.interp(own, m.lam, m.mu**2) for (own, _, _), m in zip(parts, problem.fastest, strict=True)]
         places, leave, enter, ends = _places(chain, corners)
         arms, count = len(problem.arms), len(leave)
@@ -133,6 +136,13 @@ class JointProgram:
     def scale(self) -> float:
         """The longest minimum time [s]."""
         return makespan(self.problem.fastest)
+
+
+def _fixed(plane: PhasePlane, station: Floats) -> Bools:
+    """(S,) whether ``x`` is given there: at both ends, at stops, in dwells."""
+    path = plane.dynamics.path
+    given = np.array([station[0], station[-1]]) if path is None else np.append(path.stops, station[[0, -1]])
+    return np.asarray(np.isin(station, given) | np.isin(station, plane.rows.station[plane.dwelling]))
 
 
 def _own_rows(own: Rows, joints: int, reserve: float) -> tuple[Floats, Floats, Floats]:

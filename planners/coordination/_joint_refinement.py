@@ -155,7 +155,7 @@ class _Solver:
     def _start(self) -> _Point | None:
         """Slow motions, a little wait each, slacks that are too large where corners are missed."""
         program = self.program
-        x = START_SHARE * program.fastest
+        x = np.where(program.chain.fixed, 1.0, START_SHARE) * program.fastest
         x[program.chain.first[1:] - 1] = [plane.mu_end**2 for plane in program.problem.planes]
         little = START_WAIT_SHARE * program.scale
         waits = np.full(len(program.problem.arms) + 1, little)

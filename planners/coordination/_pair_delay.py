@@ -29,6 +29,7 @@ def pair_delay(
     if not len(rows):
         return -np.inf
     if rows[0] == 0:
+        _refuse_for_rule(chart, int(chart.last_column[0]), 0, f"arm {names[1]!r} cannot wait at its start")
         raise InfeasibleError(
             f"arm {names[1]!r} cannot wait at its start: arm {names[0]!r} passes closer than {chart.d_min:.4g} m",
             remedy="let it go first (swap the order of the arms), lower d_min_m, or move its start",
@@ -36,6 +37,9 @@ def pair_delay(
         )
     last = chart.last_column[rows]
     if last.max() >= chart.resolution - 1:
+        _refuse_for_rule(
+            chart, int(last.max()), int(rows[last.argmax()]), f"arm {names[0]!r} cannot go first everywhere"
+        )
         raise InfeasibleError(
             f"arm {names[0]!r} ends in the way of arm {names[1]!r}: closer than {chart.d_min:.4g} m for ever",
             remedy="let the other go first (swap the order of the arms), or move its end",
@@ -44,3 +48,12 @@ def pair_delay(
     released = leading.time_at((last + 1) * chart.step_a)
     reached = following.time_at(rows * chart.step_b)
     return float((released - reached).max()) + RELEASE_MARGIN
+
+
+def _refuse_for_rule(chart: CoordinationChart, cell_a: int, cell_b: int, what: str) -> None:
+    """Raise InfeasibleError if it is a rule that shuts a cell."""
+    rule = chart.rule_at(cell_a, cell_b)
+    if rule is not None:
+        raise InfeasibleError(
+            f"{what}: {rule}", remedy="use a method that shapes motions (optimal, interval)", reason="rule"
+        )

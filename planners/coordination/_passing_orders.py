@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, final
 
 import numpy as np
@@ -68,6 +69,11 @@ class PassingOrders:
         rank = {arm: place for place, arm in enumerate(order)}
         return np.array([rank[region.a] > rank[region.b] for region in self.regions], dtype=np.int8)
 
+    @cached_property
+    def ruled(self) -> Orders:
+        """(R,) which arm a rule (``after``, ``with``) lets pass first, as orders say it; 2: either."""
+        return np.array([_ruled(region) for _, _, region in self.regions], dtype=np.int8)
+
     def of_precedence(self, precedence: Precedence) -> Orders:
         """Who passes first in a precedence of the same arms, or of charts with less clearance."""
         out = np.zeros(len(self.regions), dtype=np.int8)
@@ -94,3 +100,15 @@ class PassingOrders:
             pair, limit = ((a, b), region.whole_limit_a) if order else ((b, a), region.whole_limit_b)
             limits[pair] = np.minimum(limits[pair], limit) if pair in limits else limit
         return Precedence(lengths=self.lengths, limits=limits)
+
+
+def _ruled(region: CollisionRegion) -> int:
+    """A region from the start of one path to the end of the other is passed first by the former."""
+    last_a, last_b = (
+        begin + cells for begin, cells in zip((region.begin_a, region.begin_b), region.cells.shape, strict=True)
+    )
+    if region.begin_a == 0 and last_b == region.resolution and last_a < region.resolution and region.begin_b > 0:
+        return 0
+    if region.begin_b == 0 and last_a == region.resolution and last_b < region.resolution and region.begin_a > 0:
+        return 1
+    return 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -61,8 +61,8 @@ class TimingProblem:
 
     @cached_property
     def holdable(self) -> tuple[bool, ...]:
-        """Per arm whether it can hold still wherever it is on its path."""
-        return tuple(bool(plane.holdable.all()) for plane in self.planes)
+        """Per arm whether it can hold still wherever it is on its path; in a dwell it does not wait."""
+        return tuple(bool((plane.holdable | plane.dwelling).all()) for plane in self.planes)
 
     @cached_property
     def _runs(self) -> dict[tuple[int, int], Runs]:
@@ -73,6 +73,11 @@ class TimingProblem:
         if (other, arm) not in self._runs:
             self._runs[other, arm] = blocked_runs(self.chart_between(other, arm))
         return self._runs[other, arm]
+
+    def rules_of(self, arms: Collection[int]) -> str:
+        """The rules among some arms, in words, for messages; empty without any."""
+        rules = (rule.rule for i, j in combinations(sorted(arms), 2) for rule in self.chart_between(i, j).exclusions)
+        return "; ".join(dict.fromkeys(rules))
 
     @cached_property
     def searches(self) -> tuple[IntervalSearch, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -16,13 +17,14 @@ from armtempo.planners.joint_paths._joint_path import AbstractJointPath
 from armtempo.planners.joint_paths._planar_pair import Elbow
 from armtempo.planners.joint_paths._pose_path import PosePath, TipSegments
 from armtempo.planners.joint_paths._scara_path import ScaraPath
+from armtempo.planners.joint_paths._sequence_path import Dwell, SequencePath
 from armtempo.planners.joint_paths._two_link_path import TwoLinkPath
 from armtempo.planners.joint_paths._waypoint_path import WaypointPath
 from armtempo.robots import Arm
 
 
 class JointPath(AbstractJointPath):
-    """A path of an arm in joint space, and how to make one: ``through``, ``from_file``, ``fit``, ``along``.
+    """A path of an arm in joint space; ``through``, ``from_file``, ``fit``, ``along`` and ``sequence`` make one.
 
     A path of your own is a subclass with ``length``, ``dof``, ``breakpoints``, ``evaluate`` and ``speed_bound``.
     """
@@ -122,3 +124,20 @@ class JointPath(AbstractJointPath):
                 remedy="give start instead of elbow",
             )
         return TwoLinkPath(arm, cartesian, elbow) if arm.dof == 2 else ScaraPath(arm, cartesian, elbow)
+
+    @staticmethod
+    def sequence(steps: Sequence[AbstractJointPath | Dwell | float]) -> SequencePath:
+        """Moves and dwells one after the other: ``JointPath.sequence([there, 0.15, back])`` stands for 0.15 s between.
+
+        The arm comes to rest wherever two steps meet, so the path may have a corner there. Lambda is the share of the
+        path, from 0 to 1.
+
+        Args:
+            steps: Joint paths, each beginning where the one before it ends, and between them (or at an end) dwells: a
+                number [s] or ``Dwell``, which last exactly so long, or ``Wait``, which may be stretched.
+
+        Raises:
+            InputError: There is no move, or something else among the steps, or a dwell is not > 0.
+            PathError: A move does not begin where the one before it ends; the message names the step.
+        """
+        return SequencePath(steps)

@@ -25,8 +25,9 @@ THIRD_STEP_SHARE = 1e-4  # of a piece: steps of the differences that stand for f
 class PathTable(NamedTuple):
     """A joint path sampled for inner loops: quintic Hermite pieces through exact values and derivatives.
 
-    ``station`` (K+1,) rising, may repeat where ``f''`` jumps; ``q``, ``dq``, ``ddq`` (K+1, n), the values *after* the
-    station; ``ddq_before`` (K+1, n), those before it. With K = 2048 the pieces reproduce smooth paths to 1e-12 rad.
+    ``station`` (K+1,) rising, repeated at stops, where ``f'`` may jump; ``q``, ``dq``, ``ddq`` (K+1, n), the values
+    *after* the station, of a repeated one in its first row those before it; ``ddq_before`` (K+1, n), those before it.
+    With K = 2048 the pieces reproduce smooth paths to 1e-12 rad.
     """
 
     station: Floats
@@ -36,6 +37,23 @@ class PathTable(NamedTuple):
     ddq_before: Floats
 
 
+class Standing(NamedTuple):
+    """A part of a path on which the arm stands: ``f' = 0`` from lambda ``start`` to ``stop``, for ``seconds`` at least.
+
+    ``exact``: and no longer. All three places are breakpoints.
+    """
+
+    start: float
+    stop: float
+    seconds: float
+    exact: bool
+
+    @property
+    def middle(self) -> float:
+        """Up to there ``mu`` rises, from there on it falls."""
+        return 0.5 * (self.start + self.stop)
+
+
 class AbstractJointPath(ABC):
     """A path of an arm in joint space.
 
@@ -43,13 +61,17 @@ class AbstractJointPath(ABC):
         length: ``lambda_max``.
         dof: Number of joints n.
         breakpoints: Rising stations, first 0 and last ``length``, between which the path is smooth.
-        unit: Of ``lambda``: ``m`` or ``rad``.
+        stops: Rising breakpoints inside the path at which every motion comes to rest; ``f'`` may jump there.
+        standing: Parts on which the arm stands; their ends are stops or the path's ends.
+        unit: Of ``lambda``: ``m``, ``rad``, or ``share`` of the path.
     """
 
     unit: str = "m"
     length: float
     dof: int
     breakpoints: Floats
+    stops: Floats = np.empty(0)
+    standing: tuple[Standing, ...] = ()
 
     @abstractmethod
     def evaluate(self, lam: ArrayLike, *, before: bool = False) -> tuple[Floats, Floats, Floats]:
@@ -110,8 +132,11 @@ class AbstractJointPath(ABC):
     def table(self, pieces: int = 2048) -> PathTable:
         """Samples for numba kernels; breakpoints are stations."""
         station = np.union1d(np.linspace(0.0, self.length, pieces + 1), self.breakpoints)
+        station = np.sort(np.concatenate([station, self.stops]))
         q, dq, ddq = self.evaluate(station)
-        ddq_before = self.evaluate(station, before=True)[2]
+        q_before, dq_before, ddq_before = self.evaluate(station, before=True)
+        first = np.flatnonzero(np.diff(station) == 0.0)
+        q[first], dq[first] = q_before[first], dq_before[first]
         return PathTable(station=station, q=q, dq=dq, ddq=ddq, ddq_before=ddq_before)
 
 

@@ -9,10 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from armtempo.planners.cells import CoordinationCell
-from armtempo.planners.charts import CoordinationChart
+from armtempo.planners.charts import CoordinationChart, Exclusion
 from armtempo.planners.topp import PhaseTrajectory
 
 CLEARANCE_PERIOD = 0.0002  # [s] between FCL distances
+SAME_INSTANT = 1e-9  # [s]: rounding
 MOST_HALVINGS = 24  # of the makespan, before a box that is not free counts as such
 
 
@@ -27,6 +28,8 @@ class ScheduleCertificate:
         min_clearance: Smallest FCL distance between two arms [m], every 0.2 ms; infinite for one arm.
         certified_free: Whether the motion stays in cells of the chart that are certified free, between samples too.
         end_error: Largest distance of an arm's last row from the end of its path [lambda].
+        dwell_error_max: By how much a dwell is longer or shorter than it is to be [s], at most.
+        rules_broken: The rules of the cell (``after``, ``with``, zones) that the motions do not keep to, in words.
     """
 
     torque_ratio_max: float
@@ -35,6 +38,8 @@ class ScheduleCertificate:
     min_clearance: float
     certified_free: bool
     end_error: float
+    dwell_error_max: float = 0.0
+    rules_broken: tuple[str, ...] = ()
 
 
 def certify(cell: CoordinationCell, motions: Sequence[PhaseTrajectory]) -> ScheduleCertificate:
@@ -49,7 +54,21 @@ def certify(cell: CoordinationCell, motions: Sequence[PhaseTrajectory]) -> Sched
         min_clearance=_min_clearance(cell, motions, makespan),
         certified_free=all(_is_covered(cell.chart_between(i, j), motions[i], motions[j], makespan) for i, j in pairs),
         end_error=max(one.end_error for one in own),
+        dwell_error_max=max(one.dwell_error_max for one in own),
+        rules_broken=tuple(rule.rule for rule in cell.exclusions if rule.certain and _is_broken(rule, motions)),
     )
+
+
+def _is_broken(rule: Exclusion, motions: Sequence[PhaseTrajectory]) -> bool:
+    """Whether both arms are inside their parts at some instant: told from the times, not from a chart."""
+    inside = []
+    for arm, (low, high) in zip(rule.arms, (rule.part_a, rule.part_b), strict=True):
+        motion = motions[arm]
+        enters = -np.inf if low <= 0.0 else float(motion.last_time_at(low))
+        leaves = np.inf if high >= motion.lam[-1] else float(motion.time_at(high))
+        inside.append((enters, leaves))
+    (enters_a, leaves_a), (enters_b, leaves_b) = inside
+    return max(enters_a, enters_b) < min(leaves_a, leaves_b) - SAME_INSTANT
 
 
 def _min_clearance(cell: CoordinationCell, motions: Sequence[PhaseTrajectory], makespan: float) -> float:

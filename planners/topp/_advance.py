@@ -125,6 +125,12 @@ def _goal_share(command: float, by_speed: bool, share: float) -> float:
 
 
 @inlined
+def _rests_behind(steps: Floats, i: int) -> bool:
+    """Whether interval i leads to the end, or to a stop."""
+    return bool(i == steps.shape[0] - 2 or steps[i + 1, EDGE_HIGH] <= 0.0)
+
+
+@inlined
 def _next_piece(
     steps: Floats, i: int, left: float, x: float, rest: float, command: float, by_speed: bool, goal_share: float
 ) -> tuple[float, float]:
@@ -137,7 +143,7 @@ def _next_piece(
         return 0.0, 0.0
     high, rise = steps[i, EDGE_HIGH], steps[i, EDGE_HIGH_NEXT] - steps[i, EDGE_HIGH]
     here = high + w * rise
-    if i == steps.shape[0] - 2 and step == left:
+    if step == left and _rests_behind(steps, i):
         if x < 0.25 * goal_share * here:
             step = 0.5 * left  # from rest before the end: speed up first, the edge bends down to it
         elif x > goal_share * here > 0.0:
@@ -171,15 +177,14 @@ def _one_piece(
 
     A piece ends at the next station, where the arm comes to rest, or after ``rest`` [s].
     """
-    last = steps.shape[0] - 1
     left, mu = steps[i + 1, STATION] - lam, np.sqrt(x)
     step, u = _next_piece(steps, i, left, x, rest, command, by_speed, goal_share)
     x_next = x + 2.0 * step * u
     if step <= 0.0 or (x <= X_AT_REST and x_next <= X_AT_REST):
         if step > 0.0:
             x = 0.0
-            if i == last - 1 and left <= END_ROUNDING * steps[last, STATION]:
-                lam = steps[last, STATION]
+            if _rests_behind(steps, i) and left <= END_ROUNDING * steps[steps.shape[0] - 1, STATION]:
+                lam = steps[i + 1, STATION]
         return lam, x, 0.0, 0.0
     there = steps[i + 1, STATION] if step == left else lam + step
     if x_next <= X_AT_REST:
@@ -221,6 +226,14 @@ def _stays_at_start(steps: Floats, lam: float, mu: float, command: float) -> boo
     return lam <= steps[0, STATION] and mu <= 0.0 and command <= 0.0
 
 
+@inlined
+def _stays_at_stop(steps: Floats, i: int, lam: float, x: float, command: float) -> bool:
+    """Whether an arm stands at a stop and is not told to go on: what comes may be a dwell, which takes its time."""
+    if command > 0.0 or x > X_AT_REST or i == 0 or lam > steps[i, STATION] or steps[i, EDGE_HIGH] > 0.0:
+        return False
+    return bounds_in(steps, i, 0.0, x, 0.0)[0] <= 0.0
+
+
 @uncounted
 def advance(
     steps: Floats,
@@ -244,7 +257,7 @@ def advance(
 
     ``share``: what a slow arm takes for the largest speed, of ``mu*``; commands and ``u_high`` head for no more.
 
-    An arm that has not begun stays where it is under command 0.
+    An arm that has not begun, or stands at a stop, stays where it is under command 0.
 
     ``steps``: of the edges. ``places`` and ``speeds``, (ticks,) or both (0,): place and speed at the end of every tick;
     asking changes nothing. Returns lam, mu and the time used (less than all only on arrival).
@@ -262,11 +275,13 @@ def advance(
     for _ in range(PIECES_MAX):
         while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
             i += 1
+        if lam < steps[i, STATION] and steps[i, EDGE_HIGH] <= 0.0:
+            lam, x = steps[i, STATION], 0.0  # a stop
         if lam >= end - STATION_ROUNDING * end:
             lam, x = end, steps[last, EDGE_HIGH]
             break
         rest = dt - used
-        if rest <= TIME_ROUNDING * dt:
+        if rest <= TIME_ROUNDING * dt or _stays_at_stop(steps, i, lam, x, command):
             used = dt
             break
         mu = np.sqrt(x)
@@ -294,7 +309,11 @@ def advance(
                 continue
         there, x_next, time, u = _one_piece(steps, i, lam, x, rest, command, by_speed, goal_share)
         if time <= 0.0:
-            lam, x, used = there, x_next, (dt if there < end else used)
+            x = x_next
+            if lam < there < end:  # it was at a stop but for rounding
+                lam = there
+                continue
+            lam, used = there, (dt if there < end else used)
             break
         while due <= used + time:
             places[k], speeds[k] = _within_piece(lam, mu, u, due - used, there)
@@ -327,16 +346,22 @@ def record_pieces(
     while count < record.shape[0]:
         while i < last - 1 and steps[i + 1, STATION] - lam <= STATION_ROUNDING * end:
             i += 1
+        if lam < steps[i, STATION] and steps[i, EDGE_HIGH] <= 0.0:
+            lam, x = steps[i, STATION], 0.0  # a stop
         if lam >= end - STATION_ROUNDING * end:
             lam, x = end, steps[last, EDGE_HIGH]
             break
         rest = dt - used
-        if rest <= TIME_ROUNDING * dt:
+        if rest <= TIME_ROUNDING * dt or _stays_at_stop(steps, i, lam, x, command):
             used = dt
             break
         there, x_next, time, _ = _one_piece(steps, i, lam, x, rest, command, by_speed, goal_share)
         if time <= 0.0:
-            lam, x, used = there, x_next, (dt if there < end else used)
+            x = x_next
+            if lam < there < end:  # it was at a stop but for rounding
+                lam = there
+                continue
+            lam, used = there, (dt if there < end else used)
             break
         lam, x = there, x_next
         used = used + time if time < rest else dt

@@ -64,7 +64,8 @@ def diagnose(plane: PhasePlane, motion: PhaseTrajectory | None = None) -> PhaseD
     u = np.divide(np.diff(x), steps, out=np.zeros_like(steps), where=steps > 0.0)
     active, side = np.empty(len(u), dtype=np.int64), np.empty(len(u), dtype=np.int64)
     active_rows(rows, x, u, active, side)
-    capped = np.maximum(x[:-1] / rows.x_cap[:-1], x[1:] / rows.x_cap[1:]) > 1.0 - AT_CAP_SHARE
+    share = np.divide(x, rows.x_cap, out=np.zeros_like(x), where=rows.x_cap > 0.0)  # 0 is a stop
+    capped = np.maximum(share[:-1], share[1:]) > 1.0 - AT_CAP_SHARE
     active = np.where(active >= 0, active, np.where(capped, -1, -2))
     return PhaseDiagnostics(
         grid=rows.station,

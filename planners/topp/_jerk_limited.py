@@ -9,6 +9,7 @@ import numpy as np
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners.joint_paths import Standing
 from armtempo.planners.topp._jerk_kernels import (
     GAP_SHARE,
     INFEASIBILITY_MAX,
@@ -71,17 +72,20 @@ def jerk_limited(dynamics: PathDynamics, jerk_max: Floats) -> SmoothTrajectory:
 
 def _solved(dynamics: PathDynamics, fastest: PhaseTrajectory, stops: Floats, jerk_max: Floats) -> SmoothTrajectory:
     """The motion on a grid made for it, from the one without jerk limits."""
-    pieces = []
+    laws, rows = [], 0
     grid = _grid(dynamics, fastest, stops, jerk_max)
     sampled = dynamics.on_stations(np.concatenate([part for _, part in grid]))
-    rows = 0
+    standing = _standing(dynamics)
     for (start, stop), part in grid:
-        pieces.append(piece_of(sampled, (rows + 1, rows + len(part) - 2), (start, stop), jerk_max, fastest))
+        if start in standing:
+            laws.append(_standing_law(standing[start]))
+        else:
+            piece = piece_of(sampled, (rows + 1, rows + len(part) - 2), (start, stop), jerk_max, fastest)
+            laws.append(_laws(piece, _coefficients(piece)))
         rows += len(part)
-    laws = [_laws(piece, _coefficients(piece)) for piece in pieces]
     lam, mu, steps, mu_dot, growth, path_jerk = (np.concatenate(rows) for rows in zip(*laws, strict=True))
     return SmoothTrajectory(
-        lam=np.append(lam, pieces[-1].stop), mu=np.append(mu, 0.0), time=np.append(0.0, np.cumsum(steps)),
+        lam=np.append(lam, stops[-1]), mu=np.append(mu, 0.0), time=np.append(0.0, np.cumsum(steps)),
         dynamics=sampled, mu_dot_start=mu_dot, growth=growth, path_jerk=path_jerk, jerk_max=jerk_max,
     )  # fmt: skip
 
@@ -95,6 +99,10 @@ def _grid(
     mu = np.interp(dynamics.grid, fastest.lam, fastest.mu)
     parts = []
     for start, stop in pairwise(stops):
+        if start in _standing(dynamics):
+            inside = dynamics.grid[(start < dynamics.grid) & (dynamics.grid < stop)]
+            parts.append(((float(start), float(stop)), np.concatenate([[start], inside, [stop]])))
+            continue
         length = stop - start
         rows = np.searchsorted(dynamics.grid, start, side="right") - 1, np.searchsorted(dynamics.grid, stop)
         first, last = (
@@ -107,6 +115,26 @@ def _grid(
         part = np.concatenate([[start], np.sort(np.concatenate([station, again])), [stop]])
         parts.append(((float(start), float(stop)), part))
     return parts
+
+
+def _standing(dynamics: PathDynamics) -> dict[float, Standing]:
+    """The parts on which the arm stands, by where they begin."""
+    return {} if dynamics.path is None else {part.start: part for part in dynamics.path.standing}
+
+
+def _standing_law(part: Standing) -> tuple[Floats, ...]:
+    """As ``_laws``, while the arm stands: no joint moves, so no jerk is in the way of the path's own acceleration."""
+    half = 0.5 * part.seconds
+    u = (part.middle - part.start) / (0.5 * half**2)
+    none = np.zeros(2)
+    return (
+        np.array([part.start, part.middle]),
+        np.array([0.0, u * half]),
+        np.full(2, half),
+        np.array([u, -u]),
+        none,
+        none,
+    )
 
 
 def _coefficients(piece: Piece) -> Floats:

@@ -15,6 +15,7 @@ S      gravity and Coulomb friction               N m
 ====== ========================================== ==========================
 
 Limits of joint accelerations, ``|f' mu_dot + f'' mu^2| <= a_max``, are further rows with ``M = f'``, ``Q = f''``.
+Where a path stands (see ``SequencePath``) one more keeps the time: ``M = d^2 / 4 w`` there and 0 elsewhere.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Bools, Floats
 from armtempo.errors import InputError, RobotError
 from armtempo.planners.geometry import floats, number
-from armtempo.planners.joint_paths import AbstractJointPath
+from armtempo.planners.joint_paths import AbstractJointPath, Standing
 from armtempo.planners.topp._rows import Rows
 from armtempo.planners.topp._settled_grid import SETTLED_SHARE, change_by_halving
 from armtempo.robots import Arm, kernels
@@ -38,6 +39,9 @@ from armtempo.robots import Arm, kernels
 GRADED_SHARE = 0.05  # of the grid at either end; steps shrink towards it: friction is steep in lambda near rest
 STANDING_SHARE = 1e-13  # of the fastest joint: slower ones stand still, whatever the sign of their rounding
 INTERVALS_MAX = 10**7
+RUN_INTERVALS = 50  # at least, between two stops
+STANDING_INTERVALS = 8  # of a part on which the arm stands: an even number
+STANDING_SLACK = 1e-7  # of its time: how exact it is
 INTERVALS_FIRST, INTERVALS_SETTLED_MAX = 1000, 2**16  # of a grid that follows its path
 HALVINGS_MAX = 7
 FALLING_SHARE = 0.9  # of the change before: where halving changes the time by more it does not settle
@@ -98,6 +102,47 @@ def _tool_caps(arm: Arm, path: AbstractJointPath, grid: Floats, limit: SpeedCap)
         caps = (_limits_at(limit, lam) / _tip_speed(arm, path, lam)).reshape(len(way), -1).min(axis=1)
     caps = np.where(way > 0.0, caps, np.inf)
     return np.asarray(np.minimum(np.append(caps, np.inf), np.append(np.inf, caps)))
+
+
+def _stations(path: AbstractJointPath, intervals: int) -> Floats:
+    """(N+1,) of a grid: every run between two stops by itself is graded; on parts that stand few will do."""
+    border = np.concatenate([[0.0], path.stops, [path.length]])
+    still = {standing.start for standing in path.standing}
+    way = np.diff(border)
+    moving_way = float(sum(size for size, start in zip(way, border, strict=False) if start not in still))
+    runs = []
+    for start, size in zip(border, way, strict=False):
+        if start in still:
+            share = np.linspace(0.0, 1.0, STANDING_INTERVALS + 1)
+        else:
+            least = min(intervals, RUN_INTERVALS)
+            share = _graded(max(least, round(intervals * size / moving_way)))
+        runs.append(start + size * share[:-1])
+    return np.append(np.concatenate(runs), path.length)
+
+
+def _standing_inertia(standing: Standing) -> float:
+    """``M`` of the row that keeps its time."""
+    return standing.seconds**2 / (4.0 * (standing.stop - standing.start))
+
+
+def _add_standing(
+    standing: tuple[Standing, ...], grid: Floats, rows: list[Floats], low: Floats, high: Floats
+) -> tuple[list[Floats], Floats, Floats]:
+    """M, Q, R, S and limits (N+1, n) with one more row, which says how long the arm stands where it does."""
+    inertia, least, most = np.zeros(len(grid)), np.full(len(grid), -1.0), np.ones(len(grid))
+    for part in standing:
+        first = np.searchsorted(grid, part.start, side="right") - 1
+        last = np.searchsorted(grid, part.stop, side="left")
+        inertia[first : last + 1] = _standing_inertia(part)
+        if part.exact:  # but at its ends, where it may wait
+            middle = np.searchsorted(grid, part.middle, side="right") - 1
+            least[first + 1 : middle], most[middle:last] = 1.0 - STANDING_SLACK, STANDING_SLACK - 1.0
+    none = np.zeros((len(grid), 1))
+    rows = [
+        np.concatenate([own, new], axis=1) for own, new in zip(rows, (inertia[:, None], none, none, none), strict=True)
+    ]
+    return rows, np.column_stack([low, least]), np.column_stack([high, most])
 
 
 def _graded(intervals: int) -> Floats:
@@ -286,7 +331,7 @@ class PathDynamics:
         path.check_stations()
         turns = _reversals(path, arm.coulomb > 0.0) if arm.coulomb.any() else np.empty(0)
         jumps = np.union1d(path.breakpoints[1:-1], turns)
-        stations = path.length * _graded(int(count))
+        stations = path.length * _graded(int(count)) if not len(path.stops) else _stations(path, int(count))
         marks = np.union1d(path.breakpoints, jumps)
         steps = np.diff(stations)
         inner = stations[1:-1]  # without slivers beside marks
@@ -330,9 +375,14 @@ class PathDynamics:
             speed_max = np.minimum(speed_max, np.broadcast_to(cap, grid.shape))
         if tool_speed is not None:
             speed_max = np.minimum(speed_max, _tool_caps(arm, path, grid, tool_speed))
+        speed_max = np.where(np.isin(grid, path.stops), 0.0, speed_max)
         limit = (1.0 - torque_reserve) * arm.torque_max
         limit = np.concatenate([limit, arm.acceleration_max[np.isfinite(arm.acceleration_max)]])
-        dynamics = cls(grid, M, Q, R, S, -limit, limit, speed_max)
+        low, high = -limit, limit
+        if path.standing:
+            low, high = (np.broadcast_to(own, M.shape) for own in (low, high))
+            (M, Q, R, S), low, high = _add_standing(path.standing, grid, [M, Q, R, S], low, high)
+        dynamics = cls(grid, M, Q, R, S, low, high, speed_max)
         return dynamics._with(arm.dof, origin)
 
     def _with(self, joints: int, origin: _Origin | None) -> PathDynamics:
@@ -399,6 +449,11 @@ class PathDynamics:
         if not self.grid[0] - rounding <= start < stop <= self.length + rounding:
             raise InputError(f"a part must lie in [{self.grid[0]:.6g}, {self.length:.6g}], got [{start}, {stop}]")
         inside = (self.grid > start) & (self.grid < stop)
+        for row, end in (
+            (np.searchsorted(self.grid, start, side="right") - 1, start), (np.searchsorted(self.grid, stop), stop)
+        ):  # fmt: skip
+            if row < len(self.grid) and self.grid[row] == end:  # what it has on this side
+                inside[row] = True
         more = np.linspace(start, stop, intervals + 1)
         more = more[~np.isin(more, self.grid[inside])]
         M, Q, R, S = self.evaluate(more)
@@ -407,7 +462,8 @@ class PathDynamics:
         after = np.clip(np.searchsorted(self.grid, more, side="right"), 1, len(self.grid) - 1)
         w = ((more - self.grid[after - 1]) / (self.grid[after] - self.grid[after - 1]))[:, None]
         low, high = ((1.0 - w) * rows[after - 1] + w * rows[after] for rows in (self.torque_min, self.torque_max))
-        slower = np.minimum(self.speed_max[after - 1], self.speed_max[after])
+        caps = np.stack([self.speed_max[after - 1], self.speed_max[after]])
+        slower = np.where(caps.min(axis=0) > 0.0, caps.min(axis=0), caps.max(axis=0))  # 0 is a stop, there alone
         known = (self.M, self.Q, self.R, self.S, self.torque_min, self.torque_max, self.speed_max)
         joined = (
             np.concatenate([rows[inside], new])[order]
@@ -445,6 +501,15 @@ class PathDynamics:
         flat = np.atleast_1d(lam).reshape(-1)
         q, dq, ddq = self._origin.path.evaluate(flat)
         rows = _coefficients(self._origin.arm, q, dq, ddq, moving(dq))
+        if self._origin.path.standing:
+            none = np.zeros((len(flat), 1))
+            inertia = none.copy()
+            for part in self._origin.path.standing:
+                on = (part.start <= flat) & ((flat < part.stop) | (part.stop == self.length))
+                inertia[on] = _standing_inertia(part)
+            rows = [
+                np.concatenate([own, new], axis=1) for own, new in zip(rows, (inertia, none, none, none), strict=True)
+            ]
         M, Q, R, S = (row.reshape(*lam.shape, -1) for row in rows)
         return M, Q, R, S
 

@@ -96,16 +96,28 @@ class PhasePlane:
         """(N+1,) the stations where the limits let it stand still."""
         return np.asarray(((self.rows.low <= 0.0) & (self.rows.high >= 0.0)).all(axis=1))
 
+    @property
+    def dwelling(self) -> Bools:
+        """(N+1,) the stations inside a dwell, which takes exactly its time: nothing waits there."""
+        path, grid = self.dynamics.path, self.dynamics.grid
+        inside = np.zeros(len(grid), dtype=np.bool_)
+        for part in () if path is None else path.standing:
+            inside |= part.exact & (part.start < grid) & (grid < part.stop)
+        return inside
+
     def _joint(self, row: int) -> int:
-        """The joint that a row of the limits is about."""
+        """The joint that a row of the limits is about; of a dwell 0."""
         arm, joints = self.dynamics.arm, self.dynamics.joints
         if row < joints or arm is None:
             return row
-        return int(np.flatnonzero(np.isfinite(arm.acceleration_max))[row - joints])
+        limited = np.flatnonzero(np.isfinite(arm.acceleration_max))
+        return int(limited[row - joints]) if row - joints < len(limited) else 0
 
     def limit_name(self, row: int) -> str:
         """What a row of the limits is, in words."""
         arm = self.dynamics.arm
+        if arm is not None and row - self.dynamics.joints >= np.isfinite(arm.acceleration_max).sum():
+            return f"the time of a dwell{self._of_arm}"
         what = "torque" if row < self.dynamics.joints else "acceleration"
         joint = self._joint(row)
         return f"the {what} of joint {joint if arm is None else repr(arm.joint_names[joint])}{self._of_arm}"

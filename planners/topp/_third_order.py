@@ -52,13 +52,13 @@ class Piece(NamedTuple):
 
 
 def stops_of(path: AbstractJointPath, start: float, stop: float) -> Floats:
-    """Where a part of the path must be left at rest: its ends, and stations at which ``f''`` jumps."""
+    """Where a part of the path must be left at rest: its ends, its stops, and stations at which ``f''`` jumps."""
     inner = path.breakpoints[(path.breakpoints > start) & (path.breakpoints < stop)]
     if len(inner):
         _, dq, ddq = path.evaluate(np.linspace(start, stop, 257))
         scale = np.abs(ddq).max() + np.abs(dq).max() / (stop - start)
         jump = np.abs(path.evaluate(inner)[2] - path.evaluate(inner, before=True)[2]).max(axis=-1)
-        inner = inner[jump > JUMP_SHARE * scale]
+        inner = inner[(jump > JUMP_SHARE * scale) | np.isin(inner, path.stops)]
     return np.concatenate([[start], inner, [stop]])
 
 

@@ -17,6 +17,7 @@ from armtempo.robots import njit
 
 CERTIFY_SAMPLES = 10  # per interval, both ends included
 INSTANT_SHARE = 1e-12  # of the duration: rows nearer in time than this are one instant (rounding would be their mu_dot)
+CAP_FLOOR_SHARE = 1e-5  # of the largest speed cap: a cap below it, beside a stop, is taken for that much
 INSIDE_SHARE = 1e-9  # of an interval: each end belongs to its own interval, coefficients may jump at a station
 
 
@@ -71,6 +72,7 @@ class MotionCertificate:
         worst_joint: Whose it is.
         end_error: Distance of the last row from the end of the path [lambda].
         end_speed_error: Difference of the last mu from the one wanted.
+        dwell_error_max: By how much a dwell of the path is longer or shorter than it is to be [s], at most.
     """
 
     torque_ratio_max: float
@@ -81,6 +83,7 @@ class MotionCertificate:
     end_error: float
     end_speed_error: float
     jerk_ratio_max: float = 0.0
+    dwell_error_max: float = 0.0
 
     @property
     def excess(self) -> float:
@@ -227,7 +230,9 @@ class PhaseTrajectory:
         way = grid[row + 1] - grid[row]
         share = np.divide(lam - grid[row], way, out=np.zeros_like(lam), where=way > 0.0)
         cap2 = np.minimum(dynamics.speed_max, 1e9) ** 2
-        speed = mu / np.sqrt(np.maximum((1.0 - share) * cap2[row] + share * cap2[row + 1], 1e-300))
+        known = cap2[cap2 < 1e18]
+        floor = max(CAP_FLOOR_SHARE**2 * float(known.max(initial=0.0)), 1e-300)  # 0 over 0 at a stop
+        speed = mu / np.sqrt(np.maximum((1.0 - share) * cap2[row] + share * cap2[row + 1], floor))
         arm, path = dynamics.arm, dynamics.path
         acceleration = np.zeros_like(lam)
         if arm is None or path is None:
@@ -274,7 +279,25 @@ class PhaseTrajectory:
             worst_joint=int(worst[2]),
             end_error=float(abs(self.lam[-1] - self.dynamics.length)),
             end_speed_error=float(abs(self.mu[-1] - self.mu_end)),
+            dwell_error_max=self.dwell_error,
         )
+
+    @cached_property
+    def dwell_error(self) -> float:
+        """By how much a dwell of the path is longer or shorter than it is to be [s], at most; 0 without dwells."""
+        path, worst = self.dynamics.path, 0.0
+        for part in () if path is None else path.standing:
+            if part.exact and self.lam[0] <= part.start and part.stop <= self.lam[-1]:
+                lasted = float(self.time_at(part.stop) - self.last_time_at(part.start))
+                worst = max(worst, abs(lasted - part.seconds))
+        return worst
+
+    @cached_property
+    def longest_run(self) -> float:
+        """The longest time from one stop of the path, or end, to the next [s]."""
+        path = self.dynamics.path
+        stops = np.empty(0) if path is None else path.stops
+        return float(np.diff(self.time_at(np.concatenate([[self.lam[0]], stops, [self.lam[-1]]]))).max())
 
     @cached_property
     def bound(self) -> DurationBound:

@@ -31,7 +31,7 @@ def check_cell(cell: CellBase[Any]) -> None:
     Args:
         cell: A built cell of any kind.
     """
-    kind = cell.config.kind
+    kind = cell.kind
     assert CELLS.get(kind) is type(cell), f"CELLS[{kind!r}] is not {type(cell).__name__}"
     cell.certify()
     assert copy.deepcopy(cell) is cell, "a deep copy of a cell is the cell: nothing in it changes"
@@ -117,7 +117,7 @@ def check_kind(name: str, cell: CellBase[Any], *, seed: int = 0) -> None:
         cell: A built cell of that kind.
         seed: Of the episodes.
     """
-    assert cell.config.kind == name
+    assert cell.kind == name
     check_cell(cell)
     kind = KINDS[name]
     assert kind.policies

@@ -40,7 +40,7 @@ ARMS_ALL_ORDERS_TRIED = 4  # arms of which all priority orders are tried
 REGIONS_ALL_ORDERS_TRIED = 12  # regions of which all orders are tried
 STOPPING_PLACES = 64  # of a path, before which an arm that brakes is known to stop
 FORESEEN_MINIMUM_TIMES = 12.0  # longest minimum times within which arms that are run ahead must arrive
-BRAKING_MINIMUM_TIMES = 4.0  # longest minimum times within which a braking arm must come to rest
+BRAKING_MINIMUM_TIMES = 4.0  # longest minimum times from stop to stop within which a braking arm must come to rest
 
 
 def shield_tables(
@@ -107,7 +107,7 @@ def _candidates(
                     row[r] = NOBODY_WAITS
     else:
         ranks = permutations(range(arms)) if arms <= ARMS_ALL_ORDERS_TRIED else [tuple(range(arms))]
-        rows = [orders.of_ranks(rank) for rank in ranks]
+        rows = [np.where(orders.ruled < NOBODY_WAITS, orders.ruled, orders.of_ranks(rank)) for rank in ranks]
         if not any(_leads_on(orders, row) for row in rows):
             rows += _mixed_order(cell, orders, rows[0])
     return np.array(rows, dtype=np.int8).reshape(len(rows), len(orders.regions))
@@ -115,12 +115,12 @@ def _candidates(
 
 def _mixed_order(cell: CoordinationCell, orders: PassingOrders, priority: NDArray[np.int8]) -> list[NDArray[np.int8]]:
     """One order that leads on where no priority does, as near to the given one as can be; none if there is none."""
-    regions = range(len(priority))
-    if len(priority) > REGIONS_ALL_ORDERS_TRIED:  # too many to try them all
+    regions = np.flatnonzero(orders.ruled == NOBODY_WAITS)
+    if len(regions) > REGIONS_ALL_ORDERS_TRIED:  # too many to try them all
         with suppress(InfeasibleError):
             return [orders.of_precedence(schedule(cell, "optimal").precedence)]
         return []
-    for count in range(1, len(priority)):
+    for count in range(1, len(regions) + 1):
         for turned in combinations(regions, count):
             row = priority.copy()
             row[list(turned)] ^= 1
@@ -141,7 +141,7 @@ def _leads_on(orders: PassingOrders, row: NDArray[np.int8]) -> bool:
 def shield_work(cell: CoordinationCell, regions: int) -> ShieldWork:
     """Scratch for one thread."""
     arms, ticks = len(cell.arms), cell.ticks_per_period
-    longest = BRAKING_MINIMUM_TIMES * max(motion.duration for motion in cell.fastest)
+    longest = BRAKING_MINIMUM_TIMES * max(motion.longest_run for motion in cell.fastest)
     periods = int(np.ceil(longest / cell.control_period)) + 2
     return ShieldWork(
         places=np.zeros((2, arms, PARTS_PER_TICK * ticks * periods + 1)),

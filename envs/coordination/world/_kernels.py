@@ -19,6 +19,7 @@ from armtempo.envs.coordination.world._world import (
     CELLS_PER_BLOCK,
     Episodes,
     World,
+    breaks_rule,
     clearance_of,
     last_in_block,
     last_occupied,
@@ -123,7 +124,10 @@ def move(
 def watch(
     world: World, episodes: Episodes, first: int, last: int, active: Bools, d_min: float, scratch: Scratch
 ) -> None:
-    """Clearance at every tick of the period that has been run; an episode ends at the first tick below ``d_min``."""
+    """Clearance at every tick of the period that has been run.
+
+    An episode ends at the first tick below ``d_min``, or at which arms break a rule.
+    """
     clearance, ticks = scratch.clearance, scratch.places.shape[2]
     for e in range(first, last):
         clearance[e - first] = np.inf
@@ -142,7 +146,8 @@ def watch(
         ran = ticks
         for k in range(ticks):
             episodes.smallest[e] = min(episodes.smallest[e], clearance[e - first, k])
-            if not clearance[e - first, k] >= d_min:  # it ends here: back to where the arms were
+            if not clearance[e - first, k] >= d_min or breaks_rule(world, scratch.places[e - first, :, k]):
+                # it ends here: back to where the arms were
                 ran = k + 1
                 episodes.violated[e] = True
                 for i in range(episodes.lam.shape[1]):

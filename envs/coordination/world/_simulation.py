@@ -38,7 +38,15 @@ from armtempo.envs.coordination.world._kernels import (
 )
 from armtempo.envs.coordination.world._options import CoordinationOptions
 from armtempo.envs.coordination.world._pace import obeyed_commands, pace
-from armtempo.envs.coordination.world._world import Episodes, World, check_places, ideal_world, make_episodes, pack
+from armtempo.envs.coordination.world._world import (
+    Episodes,
+    World,
+    breaks_rule,
+    check_places,
+    ideal_world,
+    make_episodes,
+    pack,
+)
 from armtempo.planners import CoordinationCell
 from armtempo.robots import Arm
 from armtempo.state import Stateful
@@ -67,7 +75,7 @@ class CoordinationTrace(Trace[tuple[Floats, ...]]):
         clearance: (T+1,) smallest distance of two arms [m]; where it is above the smallest so far, a lower bound.
         path_error: (T+1, A) distance of the tips from their references [m].
         arrival: (A,) instants of arrival [s], nan where an arm did not arrive.
-        violations: Number of ticks with a clearance below ``d_min``.
+        violations: Number of ticks with a clearance below ``d_min``, or with a rule broken.
         torque_max: one (n,) per arm, the limits [N m].
     """
 
@@ -102,7 +110,7 @@ class CoordinationSimulation(Stateful):
         lam, mu: (A,) the references now.
         time: Instant [s].
         arrival: (A,) instants of arrival, nan before; in ``bullet`` known once the tip has settled.
-        violated: Whether two arms came closer than ``d_min``.
+        violated: Whether two arms came closer than ``d_min``, or broke a rule.
         min_clearance: Smallest clearance so far [m].
         options: As given.
         keeps_up: Whether the cell's torque reserve is enough for the errors of the options; where it is not, that is
@@ -354,7 +362,7 @@ class CoordinationSimulation(Stateful):
             elif not planned:
                 controller.shift()
                 rate = self._pace()
-            elif self.record:
+            elif self.record or len(self._world.rules):
                 self.lam[:], self.mu[:] = scratch.places[0, :, k], scratch.speeds[0, :, k]
             self._tick_bullet(rate)
             if self.violated:
@@ -391,7 +399,7 @@ class CoordinationSimulation(Stateful):
         self._ticks += 1
         nearest = self._nearest(self.min_clearance)
         self.min_clearance = min(self.min_clearance, nearest)
-        if not nearest >= self._d_min:
+        if not nearest >= self._d_min or breaks_rule(self._world, self.lam):
             self.violated = True
             self._violations += 1
         if self._first_end <= self.time + 1e-12:

@@ -26,6 +26,7 @@ from armtempo.robots import ArmModel, inlined, uncounted
 # Fields of the buffer, per arm: twelve of the phase plane, the time to go, five of the path table, twelve of the arm.
 FCL_BELOW = 0.05  # [m] above d_min: nearer than this the clearance tables ask FCL, not capsules
 CELLS_PER_BLOCK = 64
+RULE_ROUNDING = 1e-9  # of a path, at the ends of the parts of a rule
 _ROWS, _EDGES, _TO_GO, _TABLE, _MODEL, _FIELDS = 0, 7, 12, 13, 18, 30
 
 
@@ -41,6 +42,7 @@ class World(NamedTuple):
     scale: Floats  # (A, 2) minimum time [s], acceleration that counts as 1
     region: Ints  # (A, A, 4) [i, j]: rows along arm i's path, where last_occupied, last_in_block, waits begin
     clearance: Ints  # (P, 3) arms i, j and where their clearance table begins, for worlds without physics
+    rules: Floats  # (X, 6) arms i and j are not to be in (a0, a1) and (b0, b1) of their paths at once
     nodes: int
     by_speed: bool
     tick: float
@@ -125,7 +127,7 @@ def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int
     region = np.zeros((arms, arms, 4), dtype=np.int64)
     to_go = [_to_go(motion, plane.rows.station) for motion, plane in zip(cell.fastest, cell.planes, strict=True)]
     for i, j in permutations(range(arms), 2):
-        chart = cell.chart_between(j, i)
+        chart = cell.chart_behind(j, i)
         border = (chart.last_column + 1) * chart.step_a * (1.0 - 1e-12)
         last = np.where(chart.last_column >= 0, border, -1.0)
         blocks = np.maximum.reduceat(last, np.arange(0, len(last), CELLS_PER_BLOCK))
@@ -141,10 +143,37 @@ def pack(cell: CoordinationCell, mode: Mode, clearances: Sequence[tuple[int, int
         scale=np.stack([minimum, 8.0 * lengths / minimum**2], axis=1),
         region=region,
         clearance=np.array(places, dtype=np.int64).reshape(-1, 3),
+        rules=_rules_of(cell, lengths),
         nodes=len(clearances[0][2].distance) if clearances else 0,
         by_speed=mode == "speed",
         tick=cell.physics_tick,
     )
+
+
+def _rules_of(cell: CoordinationCell, lengths: Floats) -> Floats:
+    """(X, 6) the cell's rules that are certain, a little narrower for rounding."""
+    rows = []
+    for rule in cell.exclusions:
+        if rule.certain:
+            parts = zip(rule.arms, (rule.part_a, rule.part_b), strict=True)
+            ends = [
+                (low + slack if low > 0.0 else -slack, high - slack if high < lengths[arm] else high + slack)
+                for arm, (low, high) in parts
+                for slack in (RULE_ROUNDING * lengths[arm],)
+            ]
+            rows.append([*rule.arms, *ends[0], *ends[1]])
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
+
+
+@uncounted
+def breaks_rule(world: World, places: Floats) -> bool:
+    """Whether arms at ``places`` (A,) are where a rule does not let both be."""
+    for x in range(world.rules.shape[0]):
+        rule = world.rules[x]
+        a, b = places[int(rule[0])], places[int(rule[1])]
+        if rule[2] < a < rule[3] and rule[4] < b < rule[5]:
+            return True
+    return False
 
 
 _WORLDS: WeakKeyDictionary[CoordinationCell, dict[Mode, World]] = WeakKeyDictionary()

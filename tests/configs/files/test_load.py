@@ -281,8 +281,12 @@ BAD: dict[str, tuple[Edit, str, str]] = {
     ),
     "number for a mapping": (top({"arms": [5]}), "arms[0]", "must be a mapping of keys to values, got 5 ("),
     "left empty": (top({"obstacles": None}), "obstacles", "must be a list, got null (Bodies that stand still)"),
-    "unknown kind": (top({"kind": "dance"}), "kind", "must be 'coordination', 'blend' or 'ik', got 'dance' (use kind:"),
-    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', 'blend' or 'ik', got ['ik'] ("),
+    "unknown kind": (
+        top({"kind": "dance"}),
+        "kind",
+        "must be 'coordination', 'blend', 'ik' or 'task', got 'dance' (use kind:",
+    ),
+    "kind is no text": (top({"kind": ["ik"]}), "kind", "must be 'coordination', 'blend', 'ik' or 'task', got ['ik'] ("),
     "a source of its own": (top({"source": "x"}), "source", "unknown key ("),
 }
 

@@ -17,6 +17,7 @@ import pybullet
 import pytest
 import yaml
 
+from armtempo.configs import ArmConfig
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, YieldingEnv
 from armtempo.envs.bodies import _bullet_scene
 from armtempo.envs.bodies._bullet_scene import BulletScene
@@ -125,7 +126,9 @@ def test_one_tick_obeys_the_planners_dynamics(cell: CoordinationCell) -> None:
 
 def _goal(cell: CoordinationCell) -> np.ndarray:
     """Where the cell file wants the tip to end."""
-    line = cell.config.arms[0].path.segments[-1].line
+    given = cell.config.arms[0]
+    assert isinstance(given, ArmConfig)
+    line = given.path.segments[-1].line
     assert line is not None
     return np.array(line.to_m)
 
