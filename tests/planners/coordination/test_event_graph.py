@@ -49,7 +49,7 @@ def by_programs(problem: TimingProblem) -> float:
             b = int(np.searchsorted(borders[j], enters, side="right")) - 1
             past = problem.fastest[i].time_at(leaves) - clocks[i][a]
             comes = problem.fastest[j].time_at(enters) - clocks[j][b]
-            rows.append((first[j] + b, first[i] + a, float(past - comes)))
+            rows.append((int(first[j]) + b, int(first[i]) + a, float(past - comes)))
         A, rhs = np.zeros((len(rows) + len(clocks), count + 1)), np.zeros(len(rows) + len(clocks))
         for k, (run, than, by) in enumerate(rows):
             A[k, than], A[k, run], rhs[k] = 1.0, -1.0, -by
