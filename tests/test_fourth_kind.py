@@ -343,4 +343,4 @@ def test_it_is_trained_and_its_agent_is_a_policy(file: str, tmp_path: Path, caps
     assert training.curve[-1]["episodes"] == config.evaluation.episodes
     assert load_agent(tmp_path / "out" / "agent.npz").header.environment == "turn"
     assert main(["evaluate", file, "--policies", "ppo:out/agent.npz", "--no-figures"]) == 0
-    assert "ppo:out/agent.npz" in capsys.readouterr().out
+    assert "ppo-out" in capsys.readouterr().out
