@@ -7,6 +7,7 @@
 #   make lowest  smoke and tests with the lowest versions of all dependencies that pyproject.toml allows
 #   make fuzz    try damaged inputs on every reader, environment and command: COUNT= of them, 100 000 by default
 #   make benchmark-set  draw the cells of configs/benchmarks anew (hours): PART="ring 3" draws those
+#   make viewer  build commands/viewer/page/three.js anew, from the versions in commands/viewer/library (npm)
 #   make build   sdist, wheel from the sdist, smoke test of the wheel in a clean environment
 #   make clean   remove what these made
 PYTHON ?= python3
@@ -32,7 +33,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench lowest fuzz benchmark-set recipes rllib torchrl build clean
+.PHONY: run test check bench lowest fuzz benchmark-set recipes rllib torchrl viewer build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -75,6 +76,13 @@ rllib: .venv-rllib/.ready
 torchrl: .venv-torchrl/.ready
 	.venv-torchrl/bin/python -m pytest tests/recipes/test_torchrl.py $(ARGS)
 
+viewer:
+	rm -rf .venv-viewer
+	cp -r commands/viewer/library .venv-viewer
+	cd .venv-viewer && npm install --ignore-scripts --no-audit --no-fund --no-package-lock \
+		&& node build.mjs ../commands/viewer/page/three.js
+	rm -rf .venv-viewer
+
 build: .venv/.test-ready
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist .
@@ -84,7 +92,7 @@ build: .venv/.test-ready
 	cd "$$clean"; "$$clean/venv/bin/python" -I "$$smoke"
 
 clean:
-	rm -rf .venv .venv-lowest .venv-rllib .venv-torchrl dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-lowest .venv-rllib .venv-torchrl .venv-viewer dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/bin/python:
@@ -98,7 +106,7 @@ clean:
 .venv/.test-ready: pyproject.toml | .venv/bin/python
 	@echo "installing armtempo, its tools and torch into .venv (some minutes the first time)"
 	$(if $(strip $(TORCH)),$(PIP) install "$(TORCH)")
-	$(PIP) install --editable ".[dev,rl,sweep,xacro]"
+	$(PIP) install --editable ".[dev,mujoco,rl,sweep,xacro]"
 	touch $@ .venv/.run-ready
 
 .venv-lowest/.ready: pyproject.toml tests/lowest.py

@@ -7,7 +7,7 @@ from typing import Any, Unpack, overload
 
 from armtempo.agents.blend import BlendKind, BlendResult
 from armtempo.agents.coordination import CoordinationKind, CoordinationResult
-from armtempo.agents.evaluation import Evaluation, Kind, OnEpisode, evaluate_kind, options_for
+from armtempo.agents.evaluation import Evaluation, Kind, OnEpisode, audited, evaluate_kind, options_for
 from armtempo.agents.ik import IKKind, IKResult
 from armtempo.envs.blend import BlendKeywords, BlendOptions
 from armtempo.envs.coordination import CoordinationKeywords, CoordinationOptions
@@ -48,6 +48,7 @@ def evaluate(
     seed: int = 0,
     options: CoordinationOptions | None = None,
     on_episode: OnEpisode | None = None,
+    audit: bool = False,
     **keywords: Unpack[CoordinationKeywords],
 ) -> CoordinationEvaluation: ...
 @overload
@@ -59,6 +60,7 @@ def evaluate(
     seed: int = 0,
     options: BlendOptions | None = None,
     on_episode: OnEpisode | None = None,
+    audit: bool = False,
     **keywords: Unpack[BlendKeywords],
 ) -> BlendEvaluation: ...
 @overload
@@ -70,6 +72,7 @@ def evaluate(
     seed: int = 0,
     options: IKOptions | None = None,
     on_episode: OnEpisode | None = None,
+    audit: bool = False,
     **keywords: Unpack[IKKeywords],
 ) -> IKEvaluation: ...
 def evaluate(
@@ -80,6 +83,7 @@ def evaluate(
     seed: int = 0,
     options: Any = None,
     on_episode: OnEpisode | None = None,
+    audit: bool = False,
     **keywords: Any,
 ) -> Evaluation[Any, Any, Any]:
     """Run every policy for some episodes, in a cell of any kind.
@@ -92,19 +96,20 @@ def evaluate(
         seed: Seed of the first episode; the following ones count up, and every policy meets the same episodes.
         options: What is asked of the episodes: ``CoordinationOptions``, ``BlendOptions``, ``IKOptions``.
         on_episode: Called with policy and episode number after each, for progress bars.
+        audit: Ask the other physics engine what it makes of every tick of the first episode (``other_engine_rad``).
         keywords: Options by name, in place of those of ``options``.
 
     Raises:
         UnknownNameError: A policy or an option that does not exist in this kind of cell; the message lists those that
             do.
         InfeasibleError: A named policy has no plan in this cell.
-        InputError: An option that an episode cannot have, or a learned agent that is for something else, or whose file
-            is damaged.
+        InputError: An option that an episode cannot have, an audit of ``ideal``, or a learned agent that is for
+            something else, or whose file is damaged.
     """
     if not isinstance(cell, CellBase):
         raise InputError(f"evaluate needs a built cell, got {brief(cell)}", remedy="give one that load_cell returned")
     kind = kind_named(cell.kind)
-    return evaluate_kind(
+    evaluation = evaluate_kind(
         kind,
         cell,
         policies,
@@ -113,3 +118,4 @@ def evaluate(
         seed=seed,
         on_episode=on_episode,
     )
+    return audited(evaluation) if audit else evaluation

@@ -24,8 +24,10 @@ from armtempo.commands.console import (
     open_cell,
     output_folder,
     read_kind_line,
+    shown,
     table_of,
 )
+from armtempo.files import check_output
 
 if TYPE_CHECKING:
     from armtempo.agents import Evaluation, Kind
@@ -54,8 +56,12 @@ class Evaluate:
     """Write the same figures there as JSON, units in the keys; "-" for nothing but JSON on stdout."""
     out: OutFolder = None
     """Folder for the PNG files."""
+    audit: bool = False
+    """Ask the other physics engine what it makes of every tick of the first episode: one more column."""
     figures: bool = True
     """Draw pictures."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: none)")] = None
+    """Write the episodes there as a page for the browser, see "armtempo view"."""
 
 
 def evaluate(line: Sequence[str]) -> None:
@@ -68,14 +74,17 @@ def evaluate(line: Sequence[str]) -> None:
 
 def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     """Run, tabulate, draw."""
-    from armtempo.agents.evaluation import Continuation, evaluate_kind
+    from armtempo.agents.evaluation import Continuation, audited, evaluate_kind
 
     output = Output(given.json_file)
     folder = output_folder(given.cell, given.out) if given.figures else None
+    if given.html is not None:
+        check_output(given.html)
     cell: Any = open_cell(given.cell, output)
     chosen = tuple(dict.fromkeys(given.policies)) or None
     with kept_results("evaluate", _arguments(given, cell, options)) as kept:
         output.taken_over(kept)
+        with_traces = folder is not None or given.audit or given.html is not None
         total = len(chosen or kind.usual_policies(options)) * given.episodes
         with output.progress("Simulating", total) as (progress, task):
 
@@ -90,9 +99,15 @@ def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
                 episodes=given.episodes,
                 seed=given.seed,
                 on_episode=on_episode,
-                continuation=Continuation(kept=kept, traces=folder is not None),
+                continuation=Continuation(kept=kept, traces=with_traces),
             )
-        _tell(kind, result, output, folder)
+        _tell(kind, audited(result) if given.audit else result, output, folder)
+        if given.html is not None:
+            from armtempo.commands.viewer import write_view
+
+            with output.progress("Writing the page"):
+                write_view(result, given.html)
+            output.say(f"Page (open it in a browser): {shown(given.html)}")
 
 
 def _arguments(given: Evaluate, cell: Any, options: Any) -> dict[str, Any]:
@@ -111,15 +126,16 @@ def _tell(
     kind: Kind[Any, Any, Any, Any], result: Evaluation[Any, Any, Any], output: Output, folder: Path | None
 ) -> None:
     """Tabulate, and draw into a folder."""
-    from armtempo.commands.reports import REPORTS, title_of
+    from armtempo.commands.reports import REPORTS, labelled, title_of
 
-    report = REPORTS[kind.name]
+    report, told = REPORTS[kind.name], result.to_dict()
+    result = labelled(result)
     title, caption = title_of(result, report.title_suffix(result)), report.caption(result)
     output.table(table_of(result, title=title, caption=caption, width=output.console.width, bold=report.best(result)))
     output.say(report.summary_sentence(result))
     for name, why in (result.refused or {}).items():
         output.say(f"{name} has no plan: {why}")
-    output.json(result.to_dict())
+    output.json(told)
     if folder is not None:
         from armtempo.commands.figures._write import draw
 

@@ -22,10 +22,12 @@ from armtempo.commands._evaluate import Evaluate, evaluate
 from armtempo.commands._generate import generate
 from armtempo.commands._plan import plan
 from armtempo.commands._plot import plot
+from armtempo.commands._postures import fk, ik
 from armtempo.commands._record import Record, record
 from armtempo.commands._reproduce import reproduce
 from armtempo.commands._sweep import sweep
 from armtempo.commands._train import train
+from armtempo.commands._view import View, view
 from armtempo.commands.bench import BENCHES, bench
 from armtempo.errors import printable
 
@@ -37,14 +39,19 @@ COMMANDS: dict[str, Callable[..., object]] = {
     "evaluate": Evaluate,
     "plan": plan,
     "plot": plot,
+    "view": View,
     "record": Record,
     "cells": cells,
+    "fk": fk,
+    "ik": ik,
     "reproduce": reproduce,
     "bench": bench,
     "train": train,
     "sweep": sweep,
 }
 
+OF_A_KIND: dict[str, Callable[[Sequence[str]], None]] = {"evaluate": evaluate, "view": view, "record": record}
+"""Commands whose flags are those of the cell's kind."""
 
 REMEDIES = {
     errno.ENOSPC: "make room, then run the same line again",
@@ -98,8 +105,8 @@ def _run(line: Sequence[str]) -> None:
         sys.stdout.write(f"armtempo {__version__}\n")
     elif line[:2] == ["cells", "generate"]:  # cells itself takes a word: the name of a cell
         tyro.cli(generate, prog="armtempo cells generate", args=line[2:])
-    elif line[:1] in (["evaluate"], ["record"]):  # their flags are those of the cell's kind
-        (evaluate if line[0] == "evaluate" else record)(line[1:])
+    elif line[:1] and line[0] in OF_A_KIND:
+        OF_A_KIND[line[0]](line[1:])
     elif line[:1] == ["bench"]:
         tyro.extras.subcommand_cli_from_dict(
             dict(BENCHES), prog="armtempo bench", description=bench.__doc__, args=line[1:]

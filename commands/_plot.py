@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from armtempo.commands.console import CellName, OutFolder, Output, open_cell, output_folder
+from armtempo.commands.console import CellName, Output, open_cell, output_folder
 from armtempo.errors import InfeasibleError, UnknownNameError
 
 
@@ -16,7 +17,9 @@ def plot(
     method: Annotated[
         str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: vci; of one arm all)")
     ] = None,
-    out: OutFolder = None,
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: results/<cell>/plans)")
+    ] = None,
 ) -> None:
     """Draw a cell and its plans: arms, coordination chart, phase plane, torques, clearance. Nothing is simulated.
 
@@ -31,7 +34,7 @@ def plot(
         out: Folder for the PNG files.
     """
     output = Output(None)
-    folder = output_folder(cell, out)
+    folder = output_folder(cell, out, "plans")  # evaluate draws pictures of the same names
     built = open_cell(cell, output)
     from armtempo.commands.figures._write import draw  # late, as the next: matplotlib, and the planners
     from armtempo.commands.plans import PLANS

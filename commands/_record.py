@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
@@ -23,20 +23,23 @@ from armtempo.commands.console import (
     check_seed,
     open_cell,
     output_folder,
+    policy_label,
     read_kind_line,
     shown,
     silent_stdout,
 )
-from armtempo.errors import ArmtempoError, RenderError, UnknownNameError
+from armtempo.errors import ArmtempoError, InputError, RenderError, UnknownNameError
 from armtempo.files import check_output, check_output_folder, whole_file
+
+if TYPE_CHECKING:
+    from armtempo.agents import Kind
+    from armtempo.envs.bodies import Trace
 
 Frame = NDArray[np.uint8]
 
-MOST_FRAMES_PER_SECOND = 50.0
 LAST_PICTURE_HELD = 1.0  # [s] the last picture stays
+LONGEST_FILM = 3600.0  # [s]
 SUFFIXES = (".mp4", ".gif", "")
-DEFAULTS: dict[str, tuple[str, float]] = {"coordination": ("vci", 20.0), "blend": ("limit-aware", 4.0)}
-"""By kind of cell: who is filmed, and how many times slower than reality; else the first policy, as it is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +64,8 @@ class Record:
     ] = None
     """A file ending in .mp4 or .gif, or a folder for single PNG pictures."""
     slow: Annotated[
-        float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(default: 20, of a blend cell 4, of an ik cell 1)")
+        float | None,
+        tyro.conf.arg(metavar="X", help_behavior_hint="(default: 1, 2, 5, 10 or 20, for about seven seconds of film)"),
     ] = None
     """How many times slower than reality; arms that need a third of a second are shown for seven at 20."""
     seed: Seed = 0
@@ -72,33 +76,52 @@ def record(line: Sequence[str]) -> None:
     """Run ``armtempo record`` with what follows on the line; its flags are those of the cell's kind."""
     given, kind, options = read_kind_line(line, Record, "armtempo record")
     _check(given)
-    usual, usually_slow = DEFAULTS.get(kind.name, (kind.policies[0], 1.0))
-    policy, slow = given.policy or usual, given.slow or usually_slow
-    from armtempo.agents.policies import chosen_policies  # late: --help is to be quick
+    from armtempo.agents.policies import chosen_policies  # late, as the next: --help is to be quick
+    from armtempo.commands.viewer import usual_policy
 
+    policy = given.policy or usual_policy(kind)
     chosen_policies(policy, kind.policies, episodes=1)  # before a cell is opened, which may take a while
     output = Output(None)
-    target = output_folder(given.cell, None) / f"{_file_name(policy)}.mp4" if given.out is None else given.out
+    target = output_folder(given.cell, None) / f"{policy_label(policy)}.mp4" if given.out is None else given.out
     (check_output if target.suffix else check_output_folder)(target)
     cell = open_cell(given.cell, output)
-    # One picture per decision at most; fewer where the film would run faster than screens do.
-    skip = max(1, math.ceil(1.0 / (MOST_FRAMES_PER_SECOND * cell.control_period * slow) - 1e-9))
-    rate = 1.0 / (cell.control_period * slow * skip)
-    with output.progress(f"Filming {policy}") as (progress, task), silent_stdout():
-        runner = kind.open(cell, policy, options, render_mode="rgb_array")
-        try:
-            with film_writer(target, rate) as write:
-                camera = Camera(runner.env, write, skip)
+    with output.progress(f"Simulating {policy}"):
+        trace = _trace_of(kind, cell, policy, options, given.seed)
+    from armtempo.commands.figures._film import FRAMES_PER_SECOND, film_times, pictures, usual_slowness
 
-                def on_step() -> None:
-                    camera.look()
-                    progress.update(task, description=f"Filming {policy}: {camera.taken} pictures")
+    duration = float(trace.time[-1])
+    slow = given.slow or usual_slowness(duration)
+    if duration * slow > LONGEST_FILM:
+        raise InputError(
+            f"--slow {slow:g} makes a film of {duration * slow:.3g} s",
+            remedy=f"try --slow {usual_slowness(duration):g}",
+        )
+    times = film_times(duration, slow)
+    filming = output.progress(f"Filming {policy}", len(times))
+    with filming as (progress, task), silent_stdout(), film_writer(target, FRAMES_PER_SECOND) as write:
+        for picture in pictures(cell, trace, times, f"{cell.name}, {policy_label(policy)}, 1/{slow:g}"):
+            write(picture)
+            progress.advance(task)
+    output.say(f"{len(times)} pictures, {slow:g} times slower than reality: {shown(target)}")
 
-                runner.run(given.seed, on_step)
-                camera.finish()
-        finally:
-            runner.close()
-    output.say(f"{camera.taken} pictures, {slow:g} times slower than reality: {shown(target)}")
+
+def _trace_of(kind: Kind[Any, Any, Any, Any], cell: Any, policy: str, options: Any, seed: int) -> Trace[Any]:
+    """What happens in an episode.
+
+    Raises:
+        InputError: Its environment keeps no trace of arms.
+    """
+    from armtempo.envs.bodies import Trace
+
+    runner = kind.open(cell, policy, options)
+    try:
+        runner.run(seed)
+        trace = runner.env.trace
+    finally:
+        runner.close()
+    if not isinstance(trace, Trace):
+        raise InputError(f"{kind.name} cells cannot be filmed", remedy="let their environments keep a Trace")
+    return trace
 
 
 def _check(given: Record) -> None:
@@ -110,42 +133,6 @@ def _check(given: Record) -> None:
         raise UnknownNameError(
             "film format", given.out.suffix, SUFFIXES[:2], remedy="end --out in .mp4 or .gif, or name a folder"
         )
-
-
-def _file_name(policy: str) -> str:
-    """A policy's name as a file's: of a learned agent, its algorithm and what its file is called."""
-    algorithm, _, agent = policy.rpartition(":")
-    if not algorithm:
-        return policy
-    file = Path(agent)
-    name = file.parent.name if file.stem == "agent" else file.stem  # as armtempo train calls them all
-    return f"{algorithm}-{name or file.stem}"
-
-
-@dataclass
-class Camera:
-    """Takes pictures of an environment: of every ``skip``-th decision, with the first and the last."""
-
-    env: Any
-    write: Callable[[Frame], None]
-    skip: int
-    looks: int = 0
-    taken: int = 0
-
-    def look(self) -> None:
-        """There is something to see: at the start, and after each decision."""
-        if self.looks % self.skip == 0:
-            self._take()
-        self.looks += 1
-
-    def finish(self) -> None:
-        """What was seen last is taken, too."""
-        if (self.looks - 1) % self.skip:
-            self._take()
-
-    def _take(self) -> None:
-        self.write(np.array(self.env.render(), dtype=np.uint8))
-        self.taken += 1
 
 
 @contextmanager

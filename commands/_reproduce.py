@@ -67,7 +67,9 @@ def reproduce(
     paper: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="PAPER")],
     *,
     json_file: JsonFile = None,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: results/<paper>)")] = None,
+    out: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: results/<paper>/paper)")
+    ] = None,
 ) -> None:
     """Compute every table value and draw every figure of a paper, ours beside the printed ones.
 
@@ -86,7 +88,7 @@ def reproduce(
     from armtempo.commands.figures._write import draw
 
     output = Output(json_file)
-    folder = Path("results") / paper if out is None else out
+    folder = Path("results") / paper / "paper" if out is None else out
     check_output_folder(folder)
     found = PAPERS[paper](output)
     _tabulate(found, output)

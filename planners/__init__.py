@@ -7,11 +7,21 @@ Here is what a person types; each room has the rest: ``geometry``, ``blends``, `
 from __future__ import annotations
 
 from armtempo.planners.blends import BlendedPath, PredictorCorrector, blend, least_time_blend
-from armtempo.planners.cells import BlendCell, Cell, CoordinationCell, IKCell, Task, TaskCell, build_cell, load_cell
+from armtempo.planners.cells import (
+    BlendCell,
+    Cell,
+    CoordinationCell,
+    IKCell,
+    Task,
+    TaskCell,
+    build_cell,
+    load_cell,
+    load_robot,
+)
 from armtempo.planners.charts import CoordinationChart
 from armtempo.planners.coordination import Precedence, VelocityControl
 from armtempo.planners.geometry import Arc, CartesianPath, Line, PoseTarget
-from armtempo.planners.ik import ClosedFormIK, FeedbackIK, IKGains, NewtonIK, ResolvedRateIK
+from armtempo.planners.ik import ClosedFormIK, FeedbackIK, IKGains, NewtonIK, ResolvedRateIK, find_postures
 from armtempo.planners.instances import benchmark_instances, generate_cell
 from armtempo.planners.joint_paths import AbstractJointPath, JointPath, PosePath
 from armtempo.planners.line_speed import FeedOverride, LineSpeedLimits, LineSpeedProfile, limit_aware_profile
@@ -67,10 +77,12 @@ __all__ = [
     "build_cell",
     "diagnose",
     "execution_of",
+    "find_postures",
     "generate_cell",
     "least_time_blend",
     "limit_aware_profile",
     "load_cell",
+    "load_robot",
     "minimum_time",
     "read_trajectory",
     "schedule",

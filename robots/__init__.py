@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from armtempo.robots._arm import Arm, Tool
 from armtempo.robots._clearance import Clearance, Nearest, shape_distance
+from armtempo.robots._mjcf_text import mjcf_text
 from armtempo.robots._model import ArmModel, Capsules
+from armtempo.robots._nearest_points import nearest_points
 from armtempo.robots._numba import inlined, njit, uncounted, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
@@ -24,6 +26,8 @@ __all__ = [
     "Tool",
     "Visual",
     "inlined",
+    "mjcf_text",
+    "nearest_points",
     "njit",
     "pack_bodies",
     "principal_moments",

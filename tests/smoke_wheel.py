@@ -28,5 +28,7 @@ for arm in config.arms:
     assert Arm.from_urdf(resolve_file(config, arm.urdf), tip_link=arm.tip_link).dof == 2
 assert armtempo.load_cell("lee1991").name == "lee1991"
 assert armtempo.load_cell("lee2006").arms[0].dof == 4
+page = home / "commands" / "viewer" / "page"
+assert all((page / name).stat().st_size > 0 for name in ("page.html", "page.css", "page.js", "three.js"))
 subprocess.run([Path(sys.executable).parent / "armtempo", "--help"], check=True, stdout=subprocess.DEVNULL)
 sys.stdout.write(f"armtempo {armtempo.__version__}: the wheel is whole\n")

@@ -247,10 +247,8 @@ class TurnKind(Kind[TurnCell, TurnOptions, Episode, TurnResult]):
     always_told = ("physics",)
     policies = ("straight", "random")
 
-    def open(
-        self, cell: TurnCell, policy: str, options: TurnOptions, *, before: Any = None, render_mode: str | None = None
-    ) -> TurnRunner:
-        env = TurnEnv(cell, record=True, render_mode=render_mode, **keywords_of(options))
+    def open(self, cell: TurnCell, policy: str, options: TurnOptions, *, before: Any = None) -> TurnRunner:
+        env = TurnEnv(cell, record=True, **keywords_of(options))
         if is_agent_name(policy):
             return TurnRunner(env=env, policy=learned_policy(policy, env, "turn"))
         known: dict[str, Policy[Floats32, Floats32]] = {"straight": Straight(), "random": RandomPolicy()}

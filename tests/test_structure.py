@@ -123,7 +123,7 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "envs/blend/_periods.py",
     ),
     "tests/envs/behaviours/test_state.py": ("envs/common/_saved.py",),
-    "tests/envs/bodies/test_scene.py": ("envs/bodies/_bullet.py",),
+    "tests/envs/bodies/test_scene.py": ("envs/bodies/_bullet.py", "envs/bodies/_bullet_scene.py"),
     "tests/envs/ik/test_vector_env.py": (
         "envs/common/_vector_env.py",
         "envs/ik/_batch.py",
@@ -202,7 +202,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/figures/_phase.py",
         "commands/figures/_solve.py",
         "commands/figures/_space.py",
-        "commands/figures/_style.py",
         "commands/figures/_time.py",
         "commands/figures/_write.py",
         "commands/papers/_reproduction.py",
@@ -221,7 +220,16 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "commands/bench/_errors.py",
         "commands/figures/_bench.py",
     ),
+    "tests/commands/test_film.py": ("commands/figures/_film.py",),
     "tests/commands/test_train.py": ("commands/_sweep.py",),
+    "tests/commands/viewer/test_page.py": (
+        "commands/viewer/_blend.py",
+        "commands/viewer/_ik.py",
+        "commands/viewer/_kind_view.py",
+        "commands/viewer/_packing.py",
+        "commands/viewer/_panels.py",
+        "commands/viewer/_scene.py",
+    ),
     "tests/commands/papers/chung/test_quantities.py": (
         "commands/papers/chung/_figures.py",
         "commands/papers/chung/_run.py",

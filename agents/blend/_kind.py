@@ -83,12 +83,11 @@ class BlendKind(Kind[BlendCell, BlendOptions, BlendEpisode, BlendResult]):
         options: BlendOptions,
         *,
         before: Runner[BlendEpisode] | None = None,
-        render_mode: str | None = None,
     ) -> BlendRunner:
         """An environment with the profile and the mapping of the policy."""
         baseline = _learned(policy) if is_agent_name(policy) else blend_baseline(policy)
         settled = {"profile": baseline.profile, "mapping": baseline.mapping}
-        env = BlendTrackingEnv(cell, render_mode=render_mode, record=True, **(keywords_of(options) | settled))
+        env = BlendTrackingEnv(cell, record=True, **(keywords_of(options) | settled))
         try:
             who = learned_policy(policy, env, "blend-tracking") if baseline.make is None else baseline.make()
             planning = planning_time(cell, baseline)

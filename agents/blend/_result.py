@@ -36,6 +36,8 @@ class BlendResult:
         finished: Episodes in which the arm arrived.
         left: Episodes in which the tip left the tube around the path.
         planning_time_s: Time to blend the given path, to find the joints along it and to plan the profile [s].
+        other_engine_rad: How far another physics engine puts the arms after a tick of the first episode, at most
+            [rad, m]; None where it was not asked.
         trace: Of the first episode.
     """
 
@@ -56,6 +58,7 @@ class BlendResult:
     finished: int = figure("done", form="episodes")
     left: int = figure("left", form="mishaps")
     planning_time_s: float = figure()
+    other_engine_rad: float | None = figure("other\nengine [rad]", form="significant", default=None, known=True)
     trace: BlendTrace = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:

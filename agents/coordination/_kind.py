@@ -92,7 +92,6 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         options: CoordinationOptions,
         *,
         before: Runner[CoordinationEpisode] | None = None,
-        render_mode: str | None = None,
     ) -> CoordinationRunner:
         """Plan, where the policy is a planner, and open an environment, or go on in the one before."""
         began = time.perf_counter()
@@ -104,7 +103,7 @@ class CoordinationKind(Kind[CoordinationCell, CoordinationOptions, CoordinationE
         env = (
             before.env
             if before is not None and taken_over
-            else CoordinationEnv(cell, render_mode=render_mode, record=True, **keywords_of(options))
+            else CoordinationEnv(cell, record=True, **keywords_of(options))
         )
         try:
             who = learned_policy(policy, env) if is_agent_name(policy) else make_policy(policy, cell, plan)

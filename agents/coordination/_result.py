@@ -41,6 +41,8 @@ class CoordinationResult:
         finished: Episodes in which all arms arrived and none came too close.
         reward: Mean reward, all arms together.
         planning_time_s: Time to plan [s]; on-line policies plan while they act.
+        other_engine_rad: How far another physics engine puts the arms after a tick of the first episode, at most
+            [rad, m]; None where it was not asked.
         trace: Of the first episode.
         schedule: Its plan.
     """
@@ -67,6 +69,7 @@ class CoordinationResult:
     finished: int = figure()
     reward: float = figure()
     planning_time_s: float | None = figure()
+    other_engine_rad: float | None = figure("other\nengine [rad]", form="significant", default=None, known=True)
     trace: CoordinationTrace = field(repr=False)
     schedule: Schedule | None = field(repr=False)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from armtempo.agents.evaluation._figures import numbers_of, result_of, with_numbers
 from armtempo.agents.evaluation._kind import CellT, Kind, OptionsT, ResultT, Runner, RunT, asked_options
 from armtempo.agents.policies import Policy, chosen_policies
+from armtempo.envs.bodies import OTHER_ENGINE, engine_difference, engine_name
 from armtempo.errors import InfeasibleError, InputError, brief
 
 TraceT_co = TypeVar("TraceT_co", covariant=True)
@@ -134,8 +135,27 @@ def evaluate_kind(
         seed=seed,
         results=compared,
         refused=refused if kind.may_refuse else None,
-        facts={**_told(kind, options), **kind.head(cell), **more},
+        facts={**_told(kind, options), **_engine(options), **kind.head(cell), **more},
     )
+
+
+def audited(evaluation: Evaluation[CellT, OptionsT, ResultT]) -> Evaluation[CellT, OptionsT, ResultT]:
+    """The same with what the other physics engine makes of every tick of each policy's first episode.
+
+    Raises:
+        InputError: Physics is ``ideal``: no engine computed it; or the other engine is not installed.
+    """
+    options: Any = evaluation.options
+    cell: Any = evaluation.cell
+    if options.physics not in OTHER_ENGINE:
+        raise InputError(f"audit: physics is {options.physics!r}, of no engine", remedy="take bullet or mujoco")
+    errors = {name: getattr(options, name, 0.0) for name in ("model_error", "friction_error")}
+
+    def with_difference(result: Any) -> Any:
+        off = engine_difference(cell, result.trace, OTHER_ENGINE[options.physics], **errors)
+        return replace(result, other_engine_rad=off)
+
+    return replace(evaluation, results={name: with_difference(one) for name, one in evaluation.results.items()})
 
 
 def _known(continuation: Continuation | None, name: str) -> dict[str, Any]:
@@ -156,6 +176,12 @@ def _told(kind: Kind[Any, OptionsT, Any, Any], options: OptionsT) -> dict[str, A
         name: asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
         for name, value in told.items()
     }
+
+
+def _engine(options: Any) -> dict[str, str]:
+    """The physics engine and its version, where there is one: versions differ in the last bits."""
+    name = engine_name(options.physics)
+    return {} if name is None else {"engine": name}
 
 
 def run_episodes(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal
 
 METADATA_KEY = "armtempo figure"
@@ -54,14 +54,16 @@ def figure(
     scale: float = 1.0,
     limit: float | None = None,
     form: Form = "fixed",
+    default: Any = MISSING,
     **more: Any,
 ) -> Any:
     """A field of a result's dataclass that is a ``Figure``, in JSON and where it has a head in tables.
 
-    Fields without one (traces, plans) are in neither. ``more`` are the attributes of ``Figure`` that few have.
+    Fields without one (traces, plans) are in neither. ``default`` is the field's. ``more`` are the attributes of
+    ``Figure`` that few have.
     """
     told = Figure(head=head, digits=digits, scale=scale, limit=limit, form=form, **more)
-    return field(metadata={METADATA_KEY: told})
+    return field(default=default, metadata={METADATA_KEY: told})
 
 
 def figures_of(result: type[Any]) -> dict[str, Figure]:

@@ -63,7 +63,6 @@ class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
         options: OptionsT,
         *,
         before: Runner[RunT] | None = None,
-        render_mode: str | None = None,
     ) -> Runner[RunT]:
         """An environment that records, and who acts in it.
 
@@ -72,7 +71,6 @@ class Kind(Protocol[CellT_contra, OptionsT, RunT, ResultT]):
             policy: A baseline or a learned agent.
             options: Of the episodes.
             before: A runner of the same cell and options whose work is done: its environment may be taken over.
-            render_mode: Of the environment.
 
         Raises:
             InfeasibleError: It has no plan in this cell.

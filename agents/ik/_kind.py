@@ -61,14 +61,11 @@ class IKKind(Kind[IKCell, IKOptions, IKEpisode, IKResult]):
         options: IKOptions,
         *,
         before: Runner[IKEpisode] | None = None,
-        render_mode: str | None = None,
     ) -> IKRunner:
         """An environment with the actions of the policy."""
         learned = is_agent_name(policy)
         mode = find_agent(policy).header.settings.get("action_mode", "speeds") if learned else action_mode_of(policy)
-        env = FeedbackIKEnv(
-            cell, render_mode=render_mode, record=True, **(keywords_of(options) | {"action_mode": mode})
-        )
+        env = FeedbackIKEnv(cell, record=True, **(keywords_of(options) | {"action_mode": mode}))
         try:
             who = learned_policy(policy, env, "feedback-ik") if learned else ik_policy(policy)
         except BaseException:

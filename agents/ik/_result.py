@@ -23,6 +23,8 @@ class IKResult:
         capped_fraction: Share of the ticks in which a cap or limit cut what was asked for.
         reward: Mean reward.
         succeeded: Episodes with rms errors below the cell's scales.
+        other_engine_rad: How far another physics engine puts the arms after a tick of the first episode, at most
+            [rad, m]; None where it was not asked.
         trace: Of the first episode.
     """
 
@@ -39,6 +41,7 @@ class IKResult:
     capped_fraction: float = figure("cut\n[%]", digits=1, scale=100.0)
     reward: float = figure("reward", digits=4)
     succeeded: int = figure("good", form="episodes")
+    other_engine_rad: float | None = figure("other\nengine [rad]", form="significant", default=None, known=True)
     trace: IKTrace = field(repr=False)
 
     def to_dict(self) -> dict[str, Any]:

@@ -144,7 +144,7 @@ def _run(env: CoordinationEnv, policy: str, episodes: int) -> Iterator[tuple[flo
             drawn = generator.uniform(-1.0, 1.0, (env.num_agents, 1)).astype(np.float32)
             asked = np.ones_like(drawn) if policy == "full-speed" else drawn
             env.step(dict(zip(env.agents, asked, strict=True)))
-            if simulation.physics == "bullet":
+            if simulation.physics != "ideal":
                 errors = simulation.path_errors()
                 off, along = max(off, float(errors[0].max())), max(along, float(errors[1].max()))
                 clipped, periods = clipped + simulation.clipped, periods + 1

@@ -18,6 +18,7 @@ from armtempo.commands.console._flags import (
 )
 from armtempo.commands.console._kept import Kept, file_digests, kept_results
 from armtempo.commands.console._kind_line import read_kind_line
+from armtempo.commands.console._labels import policy_label, policy_labels
 from armtempo.commands.console._options import field_docs, flag_of, options_from, with_flags
 from armtempo.commands.console._output import (
     Output,
@@ -57,6 +58,8 @@ __all__ = [
     "open_cell",
     "options_from",
     "output_folder",
+    "policy_label",
+    "policy_labels",
     "read_kind_line",
     "shown",
     "significant",

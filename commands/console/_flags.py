@@ -22,7 +22,7 @@ OutFolder = Annotated[
 Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...")]
 AllNames = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="(default: all)")]
 Seed = Annotated[int, tyro.conf.arg(metavar="K")]
-PhysicsName = Literal["bullet", "ideal"]
+PhysicsName = Literal["bullet", "mujoco", "ideal"]
 DisturbanceName = Annotated[
     Literal["none", "late", "slow", "stop-and-go", "any", "all-late", "all-slow", "all-stop-and-go", "all-any"],
     tyro.conf.arg(metavar="NAME"),

@@ -180,8 +180,8 @@ def find_bound(cell: CoordinationCell, tell: Callable[[str], object]) -> None:
     )
 
 
-def output_folder(cell: str, out: Path | None) -> Path:
-    """Where a cell's pictures go: ``--out``, or ``results/<cell>`` under the working directory.
+def output_folder(cell: str, out: Path | None, within: str = "") -> Path:
+    """Where a cell's pictures go: ``--out``, or ``results/<cell>`` and a folder in it under the working directory.
 
     Raises:
         InputError: Nothing can be written there: better known before the cell is opened.
@@ -190,6 +190,6 @@ def output_folder(cell: str, out: Path | None) -> Path:
     if out is None:
         from armtempo.configs import load_cell_config  # late: --help is to be quick
 
-        out = Path("results") / load_cell_config(cell).name
+        out = Path("results") / load_cell_config(cell).name / within
     check_output_folder(out)
     return out

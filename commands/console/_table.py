@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 ROOMY_COLUMNS = 100  # a narrower table leaves figures out and keeps three digits
 LIMIT_RESOLVED = 1.0 + 1e-3  # share of a limit from which it is printed red: what ticks can resolve
+NAME_WIDTH = 8  # at least, of the policies' column: names are folded before numbers are cut
 SMALLEST_SHOWN = 1e-7  # of a column's unit
 
 
@@ -34,9 +35,9 @@ def table_of(
     roomy = width >= ROOMY_COLUMNS
     columns = _columns(evaluation, roomy)
     table = new_table(title, caption)
-    table.add_column("policy", no_wrap=True)
+    table.add_column("policy", overflow="fold", min_width=NAME_WIDTH)
     for figure in columns.values():
-        table.add_column(escape((figure.head or "").format_map(evaluation.facts)), justify="right")
+        table.add_column(escape((figure.head or "").format_map(evaluation.facts)), justify="right", no_wrap=True)
     for name, result in evaluation.results.items():
         cells = [_cell(evaluation, result, field, figure, roomy) for field, figure in columns.items()]
         table.add_row(name, *cells, style="bold" if name in bold else None)

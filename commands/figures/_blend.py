@@ -29,6 +29,7 @@ from armtempo.commands.figures._one_arm import (
     torques,
 )
 from armtempo.commands.figures._style import FAINT, INK, MUTED, new_figure, note, policy_color, styled
+from armtempo.commands.figures._workspace import workspace
 from armtempo.planners import BlendCell
 from armtempo.planners.blends import Blend
 
@@ -47,7 +48,9 @@ SMALLEST_ERROR = 1e-7  # [mm] contour errors below are drawn there
 def evaluation_figures(evaluation: BlendEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
-    figures = {"path": blended_path(evaluation.cell, traces)} if evaluation.options.family == "given" else {}
+    figures = {}
+    if evaluation.options.family == "given":
+        figures = {"workspace": workspace(evaluation.cell), "path": blended_path(evaluation.cell, traces)}
     figures |= {"line_speed": line_speeds(traces), "accelerations": accelerations(traces)}
     return {**figures, "torque": torques(traces)}
 
@@ -81,6 +84,7 @@ class AlongPath(Accelerated, Loaded, Moving, Protocol):
 def blend_plan_figures(plans: Mapping[str, AlongPath]) -> dict[str, Figure]:
     """Figures of planned profiles by file name."""
     return {
+        "workspace": workspace(next(iter(plans.values())).cell),
         "path": planned_path(plans),
         "line_speed": planned_speeds(plans),
         "accelerations": accelerations(plans),
@@ -241,6 +245,16 @@ def line_speeds(traces: Mapping[str, BlendTrace]) -> Figure:
     return figure
 
 
+def acceleration_shares(motion: Accelerated) -> Floats:
+    """(T, 3) shares of their limits: acceleration along the path and across it, jerk as a vector."""
+    limits = motion.cell.limits
+    _, d1, d2, d3 = motion.cell.blended.derivatives(motion.s)
+    v, a, j = motion.v[:, None], motion.a[:, None], motion.j[:, None]
+    vector = np.linalg.norm(d1 * j + 3.0 * d2 * v * a + d3 * v**3, axis=-1)
+    normal = np.linalg.norm(d2, axis=-1) * motion.v**2
+    return np.stack([np.abs(motion.a) / limits.acceleration, normal / limits.normal, vector / limits.jerk], axis=1)
+
+
 @styled
 def accelerations(traces: Mapping[str, Accelerated]) -> Figure:
     """Acceleration of the reference along and across the path and its jerk as shares of their limits."""
@@ -249,13 +263,7 @@ def accelerations(traces: Mapping[str, Accelerated]) -> Figure:
     most = [1.0, 1.0, 1.0]
     traces = purposeful(traces)
     for name, trace in traces.items():
-        cell, limits = trace.cell, trace.cell.limits
-        _, d1, d2, d3 = cell.blended.derivatives(trace.s)
-        v, a, j = trace.v[:, None], trace.a[:, None], trace.j[:, None]
-        vector = np.linalg.norm(d1 * j + 3.0 * d2 * v * a + d3 * v**3, axis=-1)
-        normal = np.linalg.norm(d2, axis=-1) * trace.v**2
-        shares = (np.abs(trace.a) / limits.acceleration, normal / limits.normal, vector / limits.jerk)
-        for k, (axes, share) in enumerate(zip((along, across, jerk), shares, strict=True)):
+        for k, (axes, share) in enumerate(zip((along, across, jerk), acceleration_shares(trace).T, strict=True)):
             axes.plot(trace.time, share, **line_of(name))
             most[k] = max(most[k], float(share.max()))
     titles = ("Acceleration along the path", "Normal acceleration", "Jerk (of the whole vector)")

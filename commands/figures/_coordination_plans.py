@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from armtempo.commands.figures import _phase, _solve, _space, _time
+from armtempo.commands.figures._workspace import workspace
 from armtempo.planners import CoordinationCell, Schedule
 
 CORRECTIONS: Mapping[str, _phase.Case] = {
@@ -20,7 +21,7 @@ def coordination_plan_figures(
 ) -> dict[str, Figure]:
     """Figures by file name, ``method`` in detail; charts only where there are two arms or more."""
     plan = schedules[method]
-    figures = {"workspace": _space.workspace(cell)}
+    figures = {"workspace": workspace(cell)}
     if len(cell.arms) > 1:
         pair = _space.meeting(cell)[0]
         if cell.chart_between(*pair).regions:

@@ -29,6 +29,7 @@ from armtempo.commands.figures._one_arm import (
     torques,
 )
 from armtempo.commands.figures._style import INK, MUTED, new_figure, note, styled
+from armtempo.commands.figures._workspace import workspace
 from armtempo.planners import IKCell
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def evaluation_figures(evaluation: IKEvaluation) -> dict[str, Figure]:
     """Figures of an evaluation's first episode by file name."""
     traces = {name: result.trace for name, result in evaluation.results.items()}
     return {
+        "workspace": workspace(_cell(traces)),
         "path": paths(traces),
         "errors": errors(traces),
         "joint_speeds": joint_speeds(traces),
@@ -88,6 +90,7 @@ def evaluation_figures(evaluation: IKEvaluation) -> dict[str, Figure]:
 def ik_plan_figures(plans: Mapping[str, PlannedRun]) -> dict[str, Figure]:
     """Figures of planned runs by file name."""
     return {
+        "workspace": workspace(_cell(plans)),
         "path": paths(plans),
         "errors": errors(plans, {name: plan.error_bounds for name, plan in plans.items() if plan.error_bounds}),
         "joint_speeds": joint_speeds(plans),

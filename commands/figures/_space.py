@@ -20,7 +20,6 @@ from armtempo.commands.figures._style import (
     FORBIDDEN,
     FORBIDDEN_EDGE,
     HALO,
-    MUTED,
     arm_color,
     new_figure,
     policy_line,
@@ -64,13 +63,10 @@ def _draw_arm(
     axes.plot(*points[-1], "o", color=color, markersize=5.0, alpha=alpha, zorder=6.0)
 
 
-def _draw_paths(axes: Axes, cell: CoordinationCell, *, arrows: bool = True) -> None:
+def _draw_paths(axes: Axes, cell: CoordinationCell) -> None:
     for i, path in enumerate(cell.paths):
         tip = _tip(cell, i, np.linspace(0.0, path.length, 200))
         axes.plot(*tip.T, color=arm_color(i), linewidth=1.6, linestyle=(0, (1, 1.2)), zorder=3.5)
-        if arrows:
-            arrow = {"arrowstyle": "-|>", "color": arm_color(i), "linewidth": 1.4, "mutation_scale": 14}
-            axes.annotate("", _xy(tip[150]), _xy(tip[140]), arrowprops=arrow, zorder=3.6)
 
 
 def _space_axes(figure: Figure, title: str) -> Axes:
@@ -79,37 +75,6 @@ def _space_axes(figure: Figure, title: str) -> Axes:
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
     axes.margins(0.08)
     return axes
-
-
-@styled
-def workspace(cell: CoordinationCell, title: str = "Arms and their paths") -> Figure:
-    """The arms where they start, faintly where they end, and the paths between (Lee1991 Fig. 5)."""
-    figure = new_figure(7.2, 4.3)
-    axes = _space_axes(figure, title)
-    _draw_paths(axes, cell)
-    for i, (arm, path) in enumerate(zip(cell.arms, cell.paths, strict=True)):
-        _draw_arm(axes, cell, i, path.length, alpha=0.22)
-        _draw_arm(axes, cell, i, 0.0)
-        base = arm.T_world_base[:2, 3]
-        axes.annotate(
-            arm.name,
-            _xy(base),
-            (0, -11),
-            textcoords="offset points",
-            color=arm_color(i),
-            weight="bold",
-            ha="center",
-            va="top",
-        )
-    low, high = axes.get_ylim()
-    axes.set_ylim(low - 0.1 * (high - low), high)
-    handles = [
-        Line2D([], [], color=MUTED, linewidth=4.5, label="pose at the start"),
-        Line2D([], [], color=MUTED, linewidth=4.5, alpha=0.3, label="pose at the end"),
-        Line2D([], [], color=MUTED, linestyle=(0, (1, 1.2)), label="given path"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    return figure
 
 
 def widest_collision(chart: CoordinationChart) -> float:
@@ -144,7 +109,7 @@ def collision_interval(
     lam = widest_collision(chart) if lam is None else lam
     figure = new_figure(7.2, 4.0)
     axes = _space_axes(figure, title)
-    _draw_paths(axes, cell, arrows=False)
+    _draw_paths(axes, cell)
     _draw_arm(axes, cell, master, lam)
     q = _tip(cell, master, np.array(lam))
     handles = [

@@ -8,14 +8,18 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
 from armtempo.files import whole_file
 
 DPI = 150
+HAIR = 0.02  # [inches] what sticks out by less is not seen
+MARGIN = 0.06  # [inches] around what sticks out
 INK, MUTED, FAINT = "#222222", "#6B6B6B", "#D9D9D9"
 FORBIDDEN = "#E9D3D3"  # collision region, too small a clearance
 FORBIDDEN_EDGE = "#B26B6B"  # undecided cells, d_min
@@ -95,9 +99,13 @@ def new_figure(width: float, height: float) -> Figure:
 
 @styled
 def write_png(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+    """Write a figure as PNG, whole or not at all: a little larger where something would stick out of it."""
+    figure.draw_without_rendering()
+    seen: Any = figure.get_tightbbox()
+    whole = figure.bbox_inches if seen is None else Bbox.union([figure.bbox_inches, seen])
+    sticks_out = bool(np.abs(np.subtract(whole.extents, figure.bbox_inches.extents)).max() > HAIR)
     with whole_file(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI)
+        figure.savefig(temporary, format="png", dpi=DPI, bbox_inches=whole.padded(MARGIN) if sticks_out else None)
 
 
 def policy_color(name: str) -> str:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 
 CLEARANCE_SAMPLES = 300  # of a plan
+WIDE = 10.0  # times d_min: arms that are farther apart leave the picture
+FEW_JOINTS = 2  # of an arm, whose torques are told apart by their dashes
 WRONG = "#B00020"
 LIMIT: dict[str, Any] = {"color": WRONG, "linewidth": 1.0, "linestyle": (0, (5, 2)), "zorder": 2.0}
 SIMULATED: dict[str, Any] = {"linewidth": 2.4, "alpha": 0.8, "zorder": 4.0}
@@ -125,7 +127,8 @@ def _draw_clearance(
     low = 1e3 * cell.d_min
     # The narrow places count: arms that are far apart for a while may leave the picture.
     peaks = [float(clearance[np.isfinite(clearance)].max(initial=0.0)) for _, clearance in curves.values()]
-    top = 1.25 * max(1e3 * float(np.median(peaks)) if peaks else 0.0, 2.0 * low)
+    typical = 1e3 * float(np.median(peaks)) if peaks else 0.0
+    top = 1.25 * max(min(typical, WIDE * low) if low > 0.0 else typical, 2.0 * low)
     axes.axhspan(0.0, low, color=FORBIDDEN, zorder=0.5)
     axes.axhline(low, color=FORBIDDEN_EDGE, linewidth=1.2, zorder=2.0)
     roomy = low > 0.06 * top  # for a word below the line
@@ -139,6 +142,8 @@ def _draw_clearance(
         va="top" if roomy else "bottom",
         color="#7A3535",
         fontsize=8.5,
+        path_effects=HALO if not roomy else (),
+        zorder=7.0,
     )
     axes.set(xlabel="time [s]", ylabel="clearance between the arms [mm]", ylim=(0.0, top), xlim=(0.0, None))
     return lines
@@ -213,7 +218,7 @@ def time_lines(
     for i, arm in enumerate(cell.arms):
         word = f"{arm.name}: speed on its path, {'upwards' if i == 0 else 'downwards'}"
         handles.append(Line2D([], [], color=arm_color(i), linewidth=6, alpha=0.6, label=word))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -230,7 +235,8 @@ def _draw_time_line(axes: Axes, y: float, motion: tuple[Floats, Floats, Floats],
         axes.plot(instants[shown], edge, color=color, linewidth=1.2, zorder=4.0)
         if np.isfinite(arrival[i]):
             axes.plot([arrival[i]] * 2, [y, y + side * 0.40], color=color, linewidth=1.6, zorder=5.0)
-            _say(axes, f"{arrival[i]:.3f} s", (arrival[i], y + side * 0.23), (4, 0), color=color, zorder=6.0)
+            if i == 0 or mu.shape[1] == 2 or arrival[i] == np.nanmax(arrival):  # of more arms words would lie on words
+                _say(axes, f"{arrival[i]:.3f} s", (arrival[i], y + side * 0.23), (4, 0), color=color, zorder=6.0)
     if not np.isfinite(arrival).all():
         stopped = min(float(instants[-1]), last)
         axes.plot(stopped, y, "x", color=WRONG, markersize=7, markeredgewidth=2.0, zorder=6.0)
@@ -310,27 +316,27 @@ def _draw_bars(axes: Axes, results: Mapping[str, CoordinationResult], bound: flo
 
 
 def _draw_torque_shares(axes: Axes, cell: CoordinationCell, trace: CoordinationTrace, name: str) -> None:
-    """Torque of every joint as a share of its limit, in simulation."""
+    """Torque of every joint as a share of its limit, in simulation; of many joints the most loaded one stands out."""
+    few = max(arm.dof for arm in cell.arms) <= FEW_JOINTS and len(cell.arms) <= 2
     for i, arm in enumerate(cell.arms):
-        for j in range(arm.dof):
-            share = 100.0 * trace.torque[i][:, j] / arm.torque_max[j]
-            style = ("-", (0, (3, 1.5)), (0, (1, 1.2)))[min(j, 2)]
-            axes.step(
-                trace.time,
-                share,
-                where="post",
-                color=arm_color(i),
-                linestyle=style,
-                linewidth=1.7 if j == 0 else 1.3,
-                label=f"{arm.name}, joint {j + 1}" if len(cell.arms) < 3 else arm.name if j == 0 else None,
-                zorder=3.0 + i,
-            )
-    for sign in (-100.0, 100.0):
-        axes.axhline(sign, **LIMIT)
-    axes.set(xlabel="time [s]", ylabel="torque applied [% of its limit]", ylim=(-150.0, 118.0), xlim=(0.0, None))
-    axes.set_yticks([-100, -50, 0, 50, 100])
-    axes.set_title(f"Torque of every joint, {name}")
-    axes.legend(loc="lower center", ncols=4, fontsize=8.5, columnspacing=1.0)
+        shares = 100.0 * trace.torque[i] / arm.torque_max
+        style: dict[str, Any] = {"where": "post", "color": arm_color(i)}
+        for j, share in enumerate(shares.T if few else np.abs(shares).T):
+            if few:
+                label, dashes = f"{arm.name}, joint {j + 1}", ("-", (0, (3, 1.5)))[j]
+                axes.step(trace.time, share, linestyle=dashes, linewidth=1.7, label=label, zorder=3.0 + i, **style)
+            else:
+                axes.step(trace.time, share, linewidth=0.7, alpha=0.4, zorder=3.0, **style)
+        if not few:
+            most = np.abs(shares).max(axis=1)
+            axes.step(trace.time, most, linewidth=1.8, label=arm.name, zorder=4.0 + i, **style)
+    for limit in (-100.0, 100.0) if few else (100.0,):
+        axes.axhline(limit, **LIMIT)
+    what = "torque applied" if few else "size of the torque applied"
+    axes.set(xlabel="time [s]", ylabel=f"{what} [% of its limit]", xlim=(0.0, None))
+    axes.set_ylim(-112.0 if few else 0.0, 112.0)
+    axes.set_title(f"Torque of every joint, {name}" + ("" if few else ": the most loaded bold"))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, fontsize=8.5, columnspacing=1.0)
 
 
 @styled

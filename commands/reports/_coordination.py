@@ -138,6 +138,7 @@ def evaluation_figures(evaluation: CoordinationEvaluation) -> dict[str, Figure]:
     from armtempo.commands.figures import _phase as _phase_figures
     from armtempo.commands.figures import _space as _space_figures
     from armtempo.commands.figures import _time as _time_figures
+    from armtempo.commands.figures._workspace import workspace
 
     cell, results = evaluation.cell, evaluation.results
     bound = math.nan if evaluation.options.on_the_way else cell.lower_bound
@@ -149,7 +150,7 @@ def evaluation_figures(evaluation: CoordinationEvaluation) -> dict[str, Figure]:
         "time_lines": _time_figures.time_lines(
             cell, {name: _time_figures.simulated_speeds(trace) for name, trace in traces.items()}, bound
         ),
-        "workspace": _space_figures.workspace(cell),
+        "workspace": workspace(cell),
     }
     if emphasised in traces:
         figures["torque"] = _time_figures.torques(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from armtempo.commands.console import policy_labels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,6 +38,20 @@ class Report(Generic[EvaluationT]):
     summary_sentence: Callable[[EvaluationT], str]
     figures: Callable[[EvaluationT], dict[str, Figure]]
     best: Callable[[EvaluationT], Collection[str]] = nobody
+
+
+def labelled(evaluation: Evaluation[Any, Any, Any]) -> Evaluation[Any, Any, Any]:
+    """The same with short names for learned agents: for tables and pictures; files keep the whole ones."""
+    labels = policy_labels([*evaluation.results, *(evaluation.refused or ())])
+    return replace(
+        evaluation,
+        results={labels[name]: result for name, result in evaluation.results.items()},
+        refused=evaluation.refused and {labels[name]: why for name, why in evaluation.refused.items()},
+        facts={
+            name: labels.get(value, value) if isinstance(value, str) else value
+            for name, value in evaluation.facts.items()
+        },
+    )
 
 
 def title_of(evaluation: Evaluation[Any, Any, Any], suffix: str) -> str:

@@ -43,7 +43,7 @@ def resolve_file(config: CellFileConfig, name: str) -> Path:
     robots = sorted({path.name for path in (DATA / "robots").glob("*.urdf")} | set(_datasheets()))
     raise ConfigError(
         f"{config.source}: no file {brief(name)}: looked for {beside}",
-        remedy=f"{closest(name, robots)}give a path from the cell file, or a bundled robot: {', '.join(robots)}",
+        remedy=f"{closest(name, robots)}give a file or a bundled robot: {', '.join(robots)}",
         file=config.source,
         key="",
         value=name,

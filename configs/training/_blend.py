@@ -19,7 +19,7 @@ class BlendTraining(EnvironmentTraining):
     """The profile whose rate is overridden."""
     mapping: Literal["exact", "paper"] = "exact"
     """From the profile's length to the path's."""
-    physics: Literal["ideal", "bullet"] = "ideal"
+    physics: Literal["ideal", "bullet", "mujoco"] = "ideal"
     """``ideal`` moves the arm exactly as commanded; ``bullet`` simulates torque control."""
     model_error: Real = 0.0
     """The simulated bodies are heavier by this share than the controller believes."""

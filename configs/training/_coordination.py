@@ -60,7 +60,7 @@ class CoordinationTraining(EnvironmentTraining):
     """Or cells of the benchmark set."""
     learners: Literal["last", "all"] = "last"
     """``last``: the last arm, the others ask for full speed; ``all``: all arms, by one shared policy."""
-    physics: Literal["ideal", "bullet"] = "ideal"
+    physics: Literal["ideal", "bullet", "mujoco"] = "ideal"
     """``ideal`` moves arms exactly as commanded, thousands at once; ``bullet`` simulates torque control."""
     mode: Literal["speed", "acceleration"] = "speed"
     """What an action means."""
@@ -105,13 +105,13 @@ class CoordinationTraining(EnvironmentTraining):
             raise ValueError("custom_disturbance: give it or disturbance, not both")
         if not self.start_phase[0] <= self.start_phase[1] < 1.0:
             raise ValueError("start_phase: must be [lowest, highest], the lowest first and both below 1")
-        if self.physics == "bullet" and self.reward == "team":
+        if self.physics != "ideal" and self.reward == "team":
             raise ValueError("reward: team needs physics: ideal")
         if self.action == "speed+priority" and not self.shield:
             raise ValueError("action: speed+priority needs shield: true")
         self._check_graph()
         for key in ("undisturbed_share", "undisturbed_until", "cut_penalty"):
-            if self.physics == "bullet" and getattr(self, key):
+            if self.physics != "ideal" and getattr(self, key):
                 raise ValueError(f"{key}: needs physics: ideal")
         return self
 

@@ -21,7 +21,7 @@ class IKTraining(EnvironmentTraining):
     """Targets: the given one, or drawn. In ``ideal`` the ``targets`` take them in turn, else the environments do."""
     action_mode: Literal["speeds", "gains"] = "gains"
     """What an action means: joint speeds, or the gains of the paper's law."""
-    physics: Literal["ideal", "bullet"] = "ideal"
+    physics: Literal["ideal", "bullet", "mujoco"] = "ideal"
     """``ideal`` moves the arm exactly as commanded; ``bullet`` simulates torque control."""
     model_error: Real = 0.0
     """The simulated bodies are heavier by this share than the controller believes."""
@@ -36,7 +36,7 @@ class IKTraining(EnvironmentTraining):
     @model_validator(mode="after")
     def _ideal(self) -> Self:
         for key in ("targets", "hold_periods"):
-            if self.physics == "bullet" and key in self.model_fields_set:
+            if self.physics != "ideal" and key in self.model_fields_set:
                 raise ValueError(f"{key}: needs physics: ideal")
         if self.targets < len(self.families):
             raise ValueError(f"targets: must be {len(self.families)} at least, one for each of the families")

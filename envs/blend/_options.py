@@ -23,7 +23,7 @@ class BlendOptions:
     """
 
     physics: Physics = "bullet"
-    """"bullet": torque control in PyBullet; "ideal": the arm exactly on its reference."""
+    """"bullet", "mujoco": torque control in PyBullet or MuJoCo; "ideal": the arm exactly on its reference."""
 
     profile: ProfileName = "line-speed"
     """Speed along the path at full rate: the paper's "line-speed", or "limit-aware"."""
@@ -35,7 +35,7 @@ class BlendOptions:
     """Paths: the "given" one, or random ones: "polyline", "zigzag", "line-arc"."""
 
     model_error: float = 0.0
-    """In "bullet": by what share the simulated bodies are heavier than the controller believes."""
+    """With physics: by what share the simulated bodies are heavier than the controller believes."""
 
     max_episode_s: float | None = None
     """Time limit [s] instead of five times the profile's duration."""

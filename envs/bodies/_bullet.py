@@ -1,4 +1,7 @@
-"""PyBullet, without the lines that it prints: errors of the commands are one line, and so is their JSON's first."""
+"""PyBullet, when it is wanted, and without the lines that it prints: errors of the commands are one line.
+
+Planning, ``ideal`` and MuJoCo do without it, and there are systems for which nobody builds it.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from armtempo.errors import InputError
+
+PACKAGES = ("pybullet", "pybullet-arm64")  # two builds of one module
 
 
 class _Redirection:
@@ -62,7 +71,36 @@ def quiet() -> Iterator[None]:
         _REDIRECTION.leave()
 
 
-with quiet():
-    import pybullet
+def bullet_version() -> str:
+    """Of the package that is installed, by either name; empty if none is."""
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            return version(package)
+    return ""
 
-__all__ = ["pybullet", "quiet"]
+
+class _Late:
+    """The module ``pybullet``, imported when it is first asked for something."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # copies and pickles look for these
+            raise AttributeError(name)
+        try:
+            with quiet():
+                import pybullet as module
+        except ModuleNotFoundError as error:
+            # two packages write the same files: removing one takes them from the other
+            broken = bool(bullet_version())
+            raise InputError(
+                "PyBullet is " + ("installed, but its files are gone" if broken else "not installed"),
+                remedy='take physics="mujoco" (--physics mujoco) or "ideal", or pip install '
+                + ("--force-reinstall --no-deps " if broken else "")
+                + "pybullet",
+            ) from error
+        self.__dict__.update(vars(module))  # from now on looked up as quickly as in the module
+        return getattr(module, name)
+
+
+pybullet: Any = _Late()
+
+__all__ = ["bullet_version", "pybullet", "quiet"]

@@ -1,13 +1,16 @@
-"""Arms that follow joint references tick by tick: torque-controlled in PyBullet, or without bodies."""
+"""Arms that follow joint references tick by tick: torque-controlled in a physics engine, or without bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
+from importlib.metadata import version
 from typing import Any, Literal, final
 
 import numpy as np
 
 from armtempo.arrays import Floats
+from armtempo.envs.bodies._bullet import bullet_version
 from armtempo.envs.bodies._damping import check_damping
 from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.envs.bodies._scene import Scene
@@ -15,8 +18,12 @@ from armtempo.errors import InputError
 from armtempo.planners import Cell
 from armtempo.state import Stateful
 
-Physics = Literal["bullet", "ideal"]
-PHYSICS: tuple[Physics, ...] = ("bullet", "ideal")
+Physics = Literal["bullet", "mujoco", "ideal"]
+PHYSICS: tuple[Physics, ...] = ("bullet", "mujoco", "ideal")
+SCENES = {  # where the bodies are; an engine is imported when it is asked for
+    "bullet": "armtempo.envs.bodies._bullet_scene:BulletScene",
+    "mujoco": "armtempo.envs.bodies._mujoco_scene:MujocoScene",
+}
 
 CONTROLLER_GAIN = 0.2  # bandwidth of the joint controller, as a share of the tick rate
 STABLE_SHARE = 0.9  # of the gain at which it becomes unstable: what is allowed
@@ -24,14 +31,14 @@ STABLE_SHARE = 0.9  # of the gain at which it becomes unstable: what is allowed
 
 @final
 class Controller(Stateful):
-    """The joint controllers of a cell's arms and, in ``bullet``, their bodies.
+    """The joint controllers of a cell's arms and, where there is physics, their bodies.
 
     Arrays have one row per arm, padded with zeros to the largest number of joints.
 
     Args:
         cell: Whose arms.
-        physics: ``bullet``: torque-controlled in PyBullet. ``ideal``: no bodies; whoever owns it puts the arms on
-            their references.
+        physics: ``bullet``, ``mujoco``: torque-controlled in PyBullet or MuJoCo. ``ideal``: no bodies; whoever owns it
+            puts the arms on their references.
         model_error: The bodies are heavier by this share than the controllers believe.
         friction_error: Damping and dry friction of the bodies' joints are larger by this share.
 
@@ -44,6 +51,7 @@ class Controller(Stateful):
 
     Raises:
         RobotError: The bodies are not the planned ones, or their damping is too strong for the tick.
+        InputError: The engine is not installed.
     """
 
     changing = ("measured", "reference", "torque", "demand")
@@ -61,10 +69,10 @@ class Controller(Stateful):
         for i, arm in enumerate(cell.arms):
             self._coulomb[i, : arm.dof], self._torque_max[i, : arm.dof] = arm.coulomb, arm.torque_max
         self.scene: Scene | None = None
-        if physics == "bullet":
+        if physics in SCENES:
             _check_weight(model_error)
             check_damping(cell, (1.0 + friction_error) / (1.0 + model_error))
-            self.scene = Scene(cell, model_error=model_error, friction_error=friction_error)
+            self.scene = make_scene(cell, physics, model_error=model_error, friction_error=friction_error)
 
     @property
     def q(self) -> Floats:
@@ -98,13 +106,13 @@ class Controller(Stateful):
         self.reference[0], self.reference[1] = self.reference[1], self.reference[2]
 
     def act(self) -> None:
-        """Apply ``torque`` for one tick in PyBullet."""
+        """Apply ``torque`` for one tick in the engine."""
         assert self.scene is not None
         self.scene.apply_torque(self.torque)
         self.scene.read_joints(self.q, self.qd)
 
     def track(self, joints: Floats) -> None:
-        """One tick in PyBullet towards the references ``joints`` (A, n)."""
+        """One tick in the engine towards the references ``joints`` (A, n)."""
         self.ask(joints)
         self.act()
 
@@ -124,9 +132,23 @@ class Controller(Stateful):
         return bool((self.demand != self.torque).any())
 
     def close(self) -> None:
-        """Leave PyBullet; may be called twice."""
+        """Leave the engine; may be called twice."""
         if self.scene is not None:
             self.scene.close()
+
+
+def make_scene(cell: Cell, physics: Physics, *, model_error: float = 0.0, friction_error: float = 0.0) -> Scene:
+    """The bodies of a cell's arms in an engine; see ``Controller``."""
+    module, name = SCENES[physics].split(":")
+    scene: Scene = getattr(import_module(module), name)(cell, model_error=model_error, friction_error=friction_error)
+    return scene
+
+
+def engine_name(physics: Physics) -> str | None:
+    """Name and version of the engine; None: ``ideal`` has none."""
+    if physics == "bullet":
+        return f"PyBullet {bullet_version()}"
+    return f"MuJoCo {version('mujoco')}" if physics == "mujoco" else None
 
 
 def _check_weight(model_error: float) -> None:

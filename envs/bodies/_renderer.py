@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from armtempo.arrays import Floats
 from armtempo.envs.bodies._bullet import pybullet, quiet
-from armtempo.envs.bodies._scene import Scene, display_available, quat_xyzw
+from armtempo.envs.bodies._bullet_scene import BulletScene, display_available, quat_xyzw
 from armtempo.errors import RenderError, brief
 from armtempo.planners import Cell
 from armtempo.robots import Arm, Shape
 
 PICTURE_WIDTH, PICTURE_HEIGHT = 640, 480
-HARDWARE_RENDERER = pybullet.ER_BULLET_HARDWARE_OPENGL
 COLOURS = ((0.00, 0.45, 0.70, 1.0), (0.84, 0.37, 0.00, 1.0), (0.00, 0.62, 0.45, 1.0), (0.80, 0.47, 0.65, 1.0))
 GREY = (0.6, 0.6, 0.6, 1.0)
 BEADS_PER_PATH = 40
@@ -32,7 +31,8 @@ BEAD_RADIUS = 0.004  # [m]
 POSE_BEAD_RADIUS = 0.008  # [m] the same where poses are followed: it is seen from farther away
 TARGET_AXIS_LENGTH = 0.15  # [m] of a target
 VIEW_TILT = 0.35  # [rad] of the view from straight down
-POSE_VIEW_TILT = 1.15  # [rad] the same where poses are followed, which go up and down
+TALL_VIEW_TILT = 1.15  # [rad] the same where arms reach up and down
+FLAT = 0.45  # of its width: what the arms sweep is looked at from above where it is not higher
 VIEW_DEG = 40.0  # vertical
 BORDER_SHARE = 0.12  # of the picture, free around the arms
 _PROBE = """
@@ -71,19 +71,25 @@ def egl_available() -> bool:
 class Renderer:
     """Draws the arms of a cell at given joint positions.
 
+    Args:
+        cell: Whose arms.
+        mode: ``rgb_array`` or ``human``.
+        size: Width and height of images.
+
     Raises:
         RenderError: ``human`` without a display.
     """
 
-    def __init__(self, cell: Cell, mode: str) -> None:
+    def __init__(self, cell: Cell, mode: str, size: tuple[int, int] = (PICTURE_WIDTH, PICTURE_HEIGHT)) -> None:
         if mode == "human" and not display_available():
             raise RenderError(
                 "render_mode 'human' needs a display and none was found",
                 remedy="set DISPLAY, run under xvfb-run, or use render_mode 'rgb_array'",
                 mode=mode,
             )
-        self.mode = mode
-        self._scene = Scene(cell, visible=True, window=mode == "human", egl=mode == "rgb_array" and egl_available())
+        self.mode, self.size = mode, size
+        egl = mode == "rgb_array" and egl_available()
+        self._scene = BulletScene(cell, visible=True, window=mode == "human", egl=egl)
         if mode == "human":
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self._scene.client)
         self._beads = self._paint(POSE_BEAD_RADIUS if cell.follows_poses else BEAD_RADIUS)
@@ -100,10 +106,8 @@ class Renderer:
                 pybullet.resetBasePositionAndOrientation(
                     bead, place, [0.0, 0.0, 0.0, 1.0], physicsClientId=self._scene.client
                 )
-            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads]
-            if cell.follows_poses:
-                points += [*_outline(arm, q)]
-        self._aim(np.array(points), POSE_VIEW_TILT if cell.follows_poses else VIEW_TILT)
+            points += [*arm.link_poses(q)[..., :3, 3].reshape(-1, 3), *beads, *outline(arm, q)]
+        self._aim(np.array(points))
 
     def _paint(self, size: float) -> list[Sequence[int]]:
         """Every arm in a colour of its own; beads for its path, ``BEADS_PER_PATH`` each."""
@@ -165,19 +169,22 @@ class Renderer:
             physicsClientId=client,
         )
 
-    def _aim(self, points: Floats, tilt: float) -> None:
-        """Look down on everything the arms sweep, from as near as shows it all."""
+    def _aim(self, points: Floats) -> None:
+        """Look at everything the arms sweep from as near as shows it all: from above where it is flat."""
+        across = np.ptp(points, axis=0)
+        tilt = VIEW_TILT if across[2] < FLAT * np.hypot(across[0], across[1]) else TALL_VIEW_TILT
+        width, height_px = self.size
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
         back = np.array([0.0, -np.sin(tilt), np.cos(tilt)])  # from the scene to the eye
         up = np.array([0.0, np.cos(tilt), np.sin(tilt)])
         height = np.tan(0.5 * np.radians(VIEW_DEG)) * (1.0 - BORDER_SHARE)
         right, above, nearer = np.stack([[1.0, 0.0, 0.0], up, back]) @ (points - centre).T
-        across = np.abs(right) * PICTURE_HEIGHT / PICTURE_WIDTH
-        distance = max(0.2, float(np.max(nearer + np.maximum(across, np.abs(above)) / height)))
+        wide = np.abs(right) * height_px / width
+        distance = max(0.2, float(np.max(nearer + np.maximum(wide, np.abs(above)) / height)))
         eye = centre + distance * back
         self._view = pybullet.computeViewMatrix(eye.tolist(), centre.tolist(), up.tolist())
         self._projection = pybullet.computeProjectionMatrixFOV(
-            VIEW_DEG, PICTURE_WIDTH / PICTURE_HEIGHT, 0.1 * distance, 10.0 * distance
+            VIEW_DEG, width / height_px, 0.1 * distance, 10.0 * distance
         )
         if self.mode == "human":
             pybullet.resetDebugVisualizerCamera(
@@ -185,23 +192,24 @@ class Renderer:
             )
 
     def render(self, q: Floats) -> NDArray[np.uint8] | None:
-        """Draw the arms at ``q`` (A, n): an image (480, 640, 3) uint8, or None in a window."""
+        """Draw the arms at ``q`` (A, n): an image (height, width, 3) uint8, or None in a window."""
+        width, height = self.size
         self._scene.put_joints(q, np.zeros_like(q))
         if self.mode == "human":
             return None
         with quiet() if self._scene.hardware else nullcontext():  # EGL names its vendor
             _, _, pixels, _, bodies = pybullet.getCameraImage(
-                PICTURE_WIDTH,
-                PICTURE_HEIGHT,
+                width,
+                height,
                 self._view,
                 self._projection,
                 shadow=0,
                 lightDirection=(0.3, -0.4, 1.0),
-                renderer=HARDWARE_RENDERER if self._scene.hardware else pybullet.ER_TINY_RENDERER,
+                renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if self._scene.hardware else pybullet.ER_TINY_RENDERER,
                 physicsClientId=self._scene.client,
             )
-        rgba = np.array(pixels, dtype=np.uint8).reshape(PICTURE_HEIGHT, PICTURE_WIDTH, 4)
-        background = np.reshape(bodies, (PICTURE_HEIGHT, PICTURE_WIDTH, 1)) < 0
+        rgba = np.array(pixels, dtype=np.uint8).reshape(height, width, 4)
+        background = np.reshape(bodies, (height, width, 1)) < 0
         np.putmask(rgba.view(np.uint32), background, 0xFFFFFFFF)  # on white, whichever renderer
         return np.ascontiguousarray(rgba[..., :3])
 
@@ -210,15 +218,18 @@ class Renderer:
         self._scene.close()
 
 
-def _outline(arm: Arm, q: Floats) -> Floats:
-    """Corners (N, 3) of boxes around the capsules of an arm at ``q`` (K, n): nothing of it is outside their hull."""
-    capsules = arm.capsules
+def outline(arm: Arm, q: Floats) -> Floats:
+    """Points (N, 3) around an arm at ``q`` (K, n) [m]: nothing of its shapes is outside their hull."""
     fixed = np.broadcast_to(arm.T_world_base, (len(q), 1, 4, 4))
-    T = np.concatenate([arm.link_poses(q), fixed], axis=1)[:, capsules.link]  # link -1 is the base
-    ends = [np.einsum("klab,lb->kla", T[..., :3, :3], p) + T[..., :3, 3] for p in (capsules.p0, capsules.p1)]
+    frames = np.concatenate([arm.link_poses(q), fixed], axis=1)  # link -1 is the base
     sides = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0
-    corners = np.stack(ends)[..., None, :] + sides * capsules.radius[:, None, None]
-    return np.asarray(corners.reshape(-1, 3), dtype=np.float64)
+    found = [np.zeros((0, 3))]
+    for shape in arm.shapes:
+        T, points = frames[:, shape.link], shape.points
+        corners = points @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+        radius = shape.capsule[2] if shape.exact else 0.0  # of capsules and spheres the points are the axis
+        found.append((corners[:, :, None] + radius * sides[: 1 if radius == 0.0 else None]).reshape(-1, 3))
+    return np.concatenate(found)
 
 
 def render_modes() -> list[str]:

@@ -59,7 +59,7 @@ class Simulation(Protocol[CellT_co, TraceT_co]):
         """What happened so far, from row 0, the start, on; raises InputError where nothing was recorded."""
 
     def close(self) -> None:
-        """Leave PyBullet; may be called twice."""
+        """Leave the physics engine; may be called twice."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -97,8 +97,8 @@ def check_bodies(physics: str, **errors: float) -> None:
     for name, value in errors.items():
         if not (is_number(value) and value > -1.0):
             raise InputError(f"{name} must be a share above -1, got {brief(value)}", remedy="give 0.1 for 10 % more")
-        if value and physics != "bullet":
+        if value and physics == "ideal":
             raise InputError(
                 f"{name} is {value:g} and physics {brief(physics)}, which has no bodies",
-                remedy=f"take physics='bullet', or leave {name} out",
+                remedy=f"take physics='bullet' or 'mujoco', or leave {name} out",
             )

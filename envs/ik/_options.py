@@ -23,7 +23,7 @@ class IKOptions:
     """
 
     physics: Physics = "bullet"
-    """"bullet": torque control in PyBullet; "ideal": the arm exactly on its reference."""
+    """"bullet", "mujoco": torque control in PyBullet or MuJoCo; "ideal": the arm exactly on its reference."""
 
     action_mode: ActionMode = "speeds"
     """What an action means: joint "speeds", or the feedback law's "gains"."""
@@ -32,7 +32,7 @@ class IKOptions:
     """Targets: the "given" one, or random ones: "smooth", "near-singular", "partly-unreachable"."""
 
     model_error: float = 0.0
-    """In "bullet": by what share the simulated bodies are heavier than the controller believes."""
+    """With physics: by what share the simulated bodies are heavier than the controller believes."""
 
     max_episode_s: float | None = None
     """Time limit [s], if it is to end before its target."""

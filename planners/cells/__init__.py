@@ -11,6 +11,7 @@ from armtempo.planners.cells._ik_cell import IKCell
 from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
+from armtempo.planners.cells._robot import load_robot
 from armtempo.planners.cells._task_cell import Task, TaskCell
 from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
@@ -41,6 +42,7 @@ __all__ = [
     "draw_path",
     "draw_target",
     "load_cell",
+    "load_robot",
     "motion_demand",
     "needed_torque_reserve",
     "rate_that_holds",

@@ -39,7 +39,7 @@ def step(
     ``steps``: of the edges of its phase plane. ``limit`` (K,): at the beginning of every check; step ``at`` has those
     from ``at checks`` on. The last one lasts. ``scratch`` (2, checks).
     """
-    lam, mu, used = advance(steps, lam, mu, command, by_speed, dt / checks, checks, scratch[0], scratch[1])
+    lam, mu, used = advance(steps, lam, mu, command, by_speed, dt / checks, checks, scratch[0], scratch[1], 1.0)
     safe = True
     for m in range(checks):
         safe = safe and scratch[0, m] <= limit[min(at * checks + m, limit.shape[0] - 1)]
@@ -91,7 +91,9 @@ def places(
     for first in range(1, out.shape[0], checks):
         at = min((first - 1) // checks, last)
         if lam < steps[-1, STATION] and not (resting and at == last and mu <= 0.0):
-            lam, mu, _ = advance(steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1])
+            lam, mu, _ = advance(
+                steps, lam, mu, commands[at], by_speed, dt / checks, checks, scratch[0], scratch[1], 1.0
+            )
         else:
             scratch[0] = lam
         for m in range(min(checks, out.shape[0] - first)):

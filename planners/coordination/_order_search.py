@@ -153,4 +153,4 @@ def order_tables(regions: PassingOrders, planes: Sequence[PhasePlane]) -> OrderT
 def _from_rest(plane: PhasePlane, lam: float) -> float:
     """What an arm needs to its end at full speed from rest at ``lam`` [s]."""
     none = np.empty(0)
-    return float(advance(plane.edges.steps, lam, 0.0, 1.0, True, ANY_TIME, 1, none, none)[2])
+    return float(advance(plane.edges.steps, lam, 0.0, 1.0, True, ANY_TIME, 1, none, none, 1.0)[2])

@@ -12,6 +12,7 @@ from armtempo.planners.ik._feedback import (
     Integrator,
     ranges_near_zero,
 )
+from armtempo.planners.ik._postures import find_postures
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 
 __all__ = [
@@ -25,5 +26,6 @@ __all__ = [
     "NewtonIK",
     "ResolvedRateIK",
     "SphericalWristIK",
+    "find_postures",
     "ranges_near_zero",
 ]

@@ -42,7 +42,7 @@ def full_speed_makespan(cell: CoordinationCell, precedence: Precedence) -> float
         for i, plane in enumerate(cell.planes):
             if lam[i] < plane.length:
                 steps, tick, ticks = plane.edges.steps, cell.physics_tick, cell.ticks_per_period
-                lam[i], mu[i], used = advance(steps, lam[i], mu[i], commands[i], True, tick, ticks, none, none)
+                lam[i], mu[i], used = advance(steps, lam[i], mu[i], commands[i], True, tick, ticks, none, none, 1.0)
                 arrival[i] = now + used
         now += cell.control_period
         if all(place >= plane.length for place, plane in zip(lam, cell.planes, strict=True)):

@@ -48,7 +48,7 @@ def foresee(
 ) -> tuple[float, float, float]:
     """Place and speed after ``ticks`` under one command, as in the environments, and the time used until arrival."""
     none = np.empty(0)
-    lam, mu, used = advance(steps, lam, mu, command, by_speed, tick, ticks, none, none)
+    lam, mu, used = advance(steps, lam, mu, command, by_speed, tick, ticks, none, none, 1.0)
     return lam, mu, used
 
 

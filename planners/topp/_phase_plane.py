@@ -246,7 +246,7 @@ class PhasePlane:
         command = self._checked(command, lam, mu, dt)
         steps = self.edges.steps
         lam, mu, used = advance(
-            steps, float(lam), float(mu), command, mode == "speed", float(dt), 1, NO_TICKS, NO_TICKS
+            steps, float(lam), float(mu), command, mode == "speed", float(dt), 1, NO_TICKS, NO_TICKS, 1.0
         )
         return float(lam), float(mu), float(used)
 

@@ -25,7 +25,7 @@ from armtempo.envs import (
     Physics,
     YieldingEnv,
 )
-from armtempo.planners import BlendCell, CoordinationCell, IKCell, build_cell, generate_cell
+from armtempo.planners import BlendCell, CoordinationCell, IKCell, build_cell, generate_cell, load_cell
 
 RESET_MS = 2.0
 COPY_MS, STATE_MS = 20.0, 1.0  # a deep copy in PyBullet, and set_state
@@ -33,6 +33,7 @@ BATCH, BATCH_PER_S = 4096, 1e6  # episodes; agent steps of 10 ticks per second o
 SINGLE_PER_S = 1e4
 BARE_RATIO = 2.0
 IDEAL_RATIO = 10.0
+MUJOCO_RATIO = 2.0  # of a whole step to that in PyBullet; most of either is FCL's
 STEPS_PER_S = {"bullet": 500.0, "ideal": 5000.0}  # on a machine that does other things too
 BLEND_STEPS_PER_S = {"bullet": 400.0, "ideal": 1200.0}  # likewise; 10 ticks each
 IK_STEPS_PER_S = {("bullet", "speeds"): 250.0, ("ideal", "speeds"): 600.0, ("ideal", "gains"): 250.0}  # 10 ticks each
@@ -202,6 +203,21 @@ def test_bullet_against_a_bare_loop(lee1991: CoordinationCell, capsys: pytest.Ca
     finally:
         env.close()
         pybullet.disconnect(client)
+
+
+@pytest.mark.parametrize("name", ["lee1991", "planar-four", "panda-pair"])
+def test_mujoco_against_bullet(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    cell = load_cell(name)
+    mujoco, bullet = (YieldingEnv(cell, physics=physics, master_late_s=LATE) for physics in ("mujoco", "bullet"))
+    try:
+        ours, theirs, ratio = _ratio(lambda: _seconds_per_step(mujoco, 40), lambda: _seconds_per_step(bullet, 40), 20)
+        ticks = [cell.ticks_per_period / seconds for seconds in (ours, theirs)]
+        with capsys.disabled():
+            print(f"\n{name}: {ticks[0]:.0f} ticks/s in MuJoCo, {ticks[1]:.0f} in PyBullet, time x {ratio:.2f}")  # noqa: T201
+        assert ratio <= MUJOCO_RATIO
+    finally:
+        mujoco.close()
+        bullet.close()
 
 
 def test_ideal_against_bullet(lee1991: CoordinationCell, capsys: pytest.CaptureFixture[str]) -> None:

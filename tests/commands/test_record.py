@@ -13,8 +13,11 @@ from tests.agents.trained import trained
 
 
 def test_record_films_an_episode(capfd: pytest.CaptureFixture[str]) -> None:
-    assert main(["record", "lee1991", "--policy", "delay", "--physics", "ideal", "--out", "film.gif"]) == 0
-    assert imageio.imread("film.gif", index=0).shape == (480, 640, 3)
+    assert (
+        main(["record", "lee1991", "--policy", "delay", "--physics", "ideal", "--slow", "2", "--out", "film.gif"]) == 0
+    )
+    assert imageio.imread("film.gif", index=0).shape == (720, 1280, 3)
+    assert imageio.immeta("film.gif")["duration"] == 40  # [ms]
     out = capfd.readouterr().out
     assert "film.gif" in out
     assert out.count("\n") <= 2, "the renderer's chatter stays out"
@@ -47,7 +50,7 @@ def test_an_interrupted_film_leaves_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("policy", ["constant", "limit-aware-smooth", trained("blend-tracking")])
 def test_record_films_a_blend_cell(policy: str) -> None:
-    assert main(["record", "lee2006", "--policy", policy, "--physics", "ideal", "--slow", "0.1", "--out", "film"]) == 0
+    assert main(["record", "lee2006", "--policy", policy, "--physics", "ideal", "--slow", "0.2", "--out", "film"]) == 0
     pictures = [imageio.imread(file) for file in sorted(Path("film").iterdir())]
     assert len(pictures) > 8
     assert (pictures[0] != pictures[-1]).any(), "the arm has moved"
@@ -55,9 +58,11 @@ def test_record_films_a_blend_cell(policy: str) -> None:
 
 @pytest.mark.parametrize("policy", ["feedback-damped", "law", trained("feedback-ik")])
 def test_record_films_an_ik_cell(policy: str, short_ik_cell: str) -> None:
-    assert main(["record", short_ik_cell, "--policy", policy, "--physics", "ideal", "--out", "film"]) == 0
+    assert (
+        main(["record", short_ik_cell, "--policy", policy, "--physics", "ideal", "--slow", "2", "--out", "film"]) == 0
+    )
     pictures = [imageio.imread(file) for file in sorted(Path("film").iterdir())]
-    assert len(pictures) == 11
+    assert len(pictures) == 11  # one in 20 ms, and the last
     assert (pictures[0] != pictures[-1]).any(), "the arm has moved"
 
 
@@ -70,10 +75,7 @@ def test_record_names_the_film_of_an_agent_after_its_file(
     assert "0.5 times slower than reality" in " ".join(capsys.readouterr().out.split())
 
 
-def test_films_of_trained_agents_are_called_after_their_trainings() -> None:
-    from armtempo.commands._record import _file_name
-
-    assert _file_name("vci") == "vci"
-    assert _file_name("ppo:results/train/lee1991-0/agent.npz") == "ppo-lee1991-0"
-    assert _file_name("ppo:agent.npz") == "ppo-agent"
-    assert _file_name("sac:mine/best.npz") == "sac-best"
+def test_a_film_that_never_ends_is_refused(short_ik_cell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["record", short_ik_cell, "--physics", "ideal", "--slow", "1e9", "--out", "film.mp4"]) == 2
+    assert "--slow 1e+09 makes a film of 2e+08 s (try --slow 20)" in capsys.readouterr().err
+    assert not Path("film.mp4").exists()

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 
 from armtempo.commands.figures import _phase, _space, _time
+from armtempo.commands.figures._workspace import workspace
 from armtempo.planners import CoordinationCell, Schedule
 
 CORRECTIONS: Mapping[_phase.Case, str] = {3: "last step adjusted", 4: "earlier step adjusted"}
@@ -28,7 +29,7 @@ def lee1991_figures(cell: CoordinationCell, plans: Mapping[str, Schedule]) -> di
                 cell, correction, f"Fig. {case}  Modified trajectory of the slave: {name}"
             )
     figures |= {
-        "fig5_workspace": _space.workspace(cell, "Fig. 5  Two robots in a common workspace"),
+        "fig5_workspace": workspace(cell, "Fig. 5  Two robots in a common workspace"),
         "fig6_phase_plane": _phase.phase_plane(vci, "Fig. 6  Trajectories of the two robots in the phase plane"),
         "fig7_relative_trajectory": _space.relative_trajectories(
             cell, plans, "vci", "Fig. 7  Relative trajectory in the coordination chart"

@@ -44,7 +44,7 @@ def _guess(
     while high - low > 1:
         middle = max(high - step, low + 1) if step > 0 else (low + high) // 2
         there, fast, _ = phase_kernels.advance(
-            own, lam, mu, middle / COMMAND_STEPS, by_speed, tick, ticks, none, none
+            own, lam, mu, middle / COMMAND_STEPS, by_speed, tick, ticks, none, none, 1.0
         )  # fmt: skip
         if there <= aim and (limit == np.inf or fast * fast <= speed_to_stop(own, braked, before, there, limit)):
             low, step = middle, 0

@@ -235,7 +235,7 @@ class EpisodeShield(Stateful):
         """Add to arm i's info what was changed in the last period; when it is over, the sums too."""
         change, orders = float(self._change[i]), tuple(self.shield.orders.tolist())
         info["shield"] = {"changed": change != 0.0, "change": change, "orders": orders}
-        if self._simulation.physics == "bullet":
+        if self._simulation.physics != "ideal":
             info["shield_tube_exceeded"] = not self._simulation.tracking_error().max() <= self._tube
         if over:
             info["shield_steps"], info["shield_changed"] = self._steps, int(self._count[i])

@@ -49,7 +49,8 @@ def run_ahead(
         for i in range(arms):
             if lam[i] < length_of(world, i):
                 lam[i], mu[i], used = phase_kernels.advance(
-                    steps_of(world, i), lam[i], mu[i], admitted[i], world.by_speed, world.tick, ticks, places, speeds
+                    steps_of(world, i), lam[i], mu[i], admitted[i], world.by_speed, world.tick, ticks, places, speeds,
+                    1.0,
                 )  # fmt: skip
                 if lam[i] >= length_of(world, i):
                     arrival[i] = now + used

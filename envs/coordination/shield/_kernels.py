@@ -231,7 +231,7 @@ def foresee(
     part, end, last = tick / PARTS_PER_TICK, steps[steps.shape[0] - 1, phase_kernels.STATION], places.shape[0] - 1
     if k == 0:
         _, speed[1], _ = phase_kernels.advance(
-            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds
+            steps, places[0], speed[0], command, by_speed, part, parts, places[1 : parts + 1], speeds, 1.0
         )
         rest[row, i] = False
         k = parts

@@ -74,10 +74,10 @@ def look(world: World, seen: StopsSeen, episodes: Episodes, e: int, ticks: int) 
         if here < end and seen.sent[e, i] > 0.0:
             steps, near = steps_of(world, i), BEHIND_SHARE * end
             goes, _, _ = phase_kernels.advance(
-                steps, seen.lam[e, i], seen.mu[e, i], seen.sent[e, i], world.by_speed, tick, ticks, places, speeds
+                steps, seen.lam[e, i], seen.mu[e, i], seen.sent[e, i], world.by_speed, tick, ticks, places, speeds, 1.0
             )
             brakes, _, _ = phase_kernels.advance(
-                steps, seen.lam[e, i], seen.mu[e, i], 0.0, world.by_speed, tick, ticks, places, speeds
+                steps, seen.lam[e, i], seen.mu[e, i], 0.0, world.by_speed, tick, ticks, places, speeds, 1.0
             )
             stands = here < goes - near and here <= brakes + near
             if goes > brakes + near:

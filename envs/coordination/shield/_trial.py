@@ -160,7 +160,7 @@ def _run(
                 else:
                     path = steps_of(world, i)
                     lam[i], mu[i], done[i] = phase_kernels.advance(
-                        path, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i], speeds,
+                        path, lam[i], mu[i], command, world.by_speed, world.tick, ticks, places[i], speeds, 1.0,
                     )  # fmt: skip
                 if before < length_of(world, i):
                     counts[STEPS] += 1

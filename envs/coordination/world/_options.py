@@ -39,7 +39,7 @@ class CoordinationOptions:
     """
 
     physics: Physics = "bullet"
-    """"bullet": torque control in PyBullet, FCL distances at every tick; "ideal": arms exactly on their paths."""
+    """"bullet", "mujoco": torque control in that engine, FCL distances at every tick; "ideal": exactly on the paths."""
 
     mode: Mode = "speed"
     """What an action means: a share of the highest safe "speed", or of the admissible "acceleration"."""
@@ -70,10 +70,10 @@ class CoordinationOptions:
     """How long the first arm stands before it obeys [s]: a number, or (lowest, highest) to draw from."""
 
     model_error: float = 0.0
-    """In "bullet": by what share the simulated bodies are heavier than the plans'."""
+    """With physics: by what share the simulated bodies are heavier than the plans'."""
 
     friction_error: float = 0.0
-    """In "bullet": by what share damping and dry friction of the joints are larger."""
+    """With physics: by what share damping and dry friction of the joints are larger."""
 
     shield: bool = False
     """Let through only commands that can neither collide nor end in a deadlock; infos say what it changed."""

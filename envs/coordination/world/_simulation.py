@@ -156,7 +156,7 @@ class CoordinationSimulation(Stateful):
         self._recorder = Recorder(wanted=record, tick=self._tick)
         self.keeps_up = keeps_up(cell, options)
         self._clock_first = 1.0
-        if options.physics == "bullet":
+        if options.physics != "ideal":
             self._clock_first = first_rate(self._world, cell, options, enough=self.keeps_up)
         self.reset()
 
@@ -264,7 +264,7 @@ class CoordinationSimulation(Stateful):
     def tracking_error(self) -> Floats:
         """(A,) how far the tips are from their references now [m]."""
         error = np.zeros(self.arms)
-        if self.physics == "bullet":
+        if self.physics != "ideal":
             tracking_error(self._world, self.lam, self._q, error)
         return error
 
@@ -428,7 +428,7 @@ class CoordinationSimulation(Stateful):
 
     def observe(self) -> Floats32:
         """(A, 21) observations of all arms, in the order of ``COORDINATION_ENTRIES``; a new array."""
-        if self.physics == "bullet" or self._ticks == 0:
+        if self.physics != "ideal" or self._ticks == 0:
             observe(
                 self._world, self._episodes, 0, 1, self._active, self._noise, OTHERS, len(OWN), len(OTHER),
                 self._scratch, self._observation,
@@ -438,7 +438,7 @@ class CoordinationSimulation(Stateful):
 
     def joint_positions(self) -> Floats:
         """(A, n) joint positions now: measured, or on the path without physics [rad]."""
-        return self._q.copy() if self.physics == "bullet" else self._joints_at(self.lam)
+        return self._q.copy() if self.physics != "ideal" else self._joints_at(self.lam)
 
     def trace(self) -> CoordinationTrace:
         """What happened so far.
@@ -447,7 +447,7 @@ class CoordinationSimulation(Stateful):
             InputError: Nothing was recorded.
         """
         columns, arms = self._recorder.columns(), self.cell.arms
-        if self.physics == "bullet":
+        if self.physics != "ideal":
             q, torque, demand = (
                 tuple(np.ascontiguousarray(rows[:, i, : arm.dof]) for i, arm in enumerate(arms))
                 for rows in [columns.pop(name) for name in ("q", "torque", "demand")]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -13,6 +14,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.spaces import Box
+from rich.console import Console
 
 from armtempo.agents import KINDS, Evaluation, Kind, Policy, RandomPolicy, evaluate, figure
 from armtempo.agents.evaluation import play
@@ -20,7 +22,7 @@ from armtempo.arrays import Floats, Floats32
 from armtempo.commands import _evaluate as command
 from armtempo.commands import main
 from armtempo.commands.console import table_of
-from armtempo.commands.reports import REPORTS, Report
+from armtempo.commands.reports import REPORTS, Report, labelled
 from armtempo.envs import Physics
 from armtempo.errors import InfeasibleError, UnknownNameError
 from armtempo.planners.cells import CellBase
@@ -150,9 +152,7 @@ class ToyKind(Kind[ToyCell, ToyOptions, tuple[Floats, float], ToyResult]):
     def __init__(self) -> None:
         self.opened: list[ToyEnv] = []
 
-    def open(
-        self, cell: ToyCell, policy: str, options: ToyOptions, *, before: Any = None, render_mode: str | None = None
-    ) -> ToyRunner:
+    def open(self, cell: ToyCell, policy: str, options: ToyOptions, *, before: Any = None) -> ToyRunner:
         if policy == "nobody":
             raise InfeasibleError("there is no such motion")
         made: dict[str, Policy[Floats32, Floats32]] = {
@@ -265,16 +265,16 @@ def test_the_command_takes_it_with_flags_table_and_report(
     assert "unknown option of armtempo evaluate in toy cells '--shield'" in capsys.readouterr().err
 
 
-def test_the_command_films_it(
-    toy: ToyCell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("line", [["record", "tiny", "--out", "film"], ["view", "tiny", "--html", "toy.html"]])
+def test_what_has_no_arms_cannot_be_seen(
+    toy: ToyCell, line: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("armtempo.configs.load_cell_config", lambda name: toy.config)
-    monkeypatch.setattr("armtempo.commands._record.open_cell", lambda name, output: toy)
+    monkeypatch.setattr(f"armtempo.commands._{line[0]}.open_cell", lambda name, output: toy)
     monkeypatch.chdir(tmp_path)
-    assert main(["record", "tiny", "--push", "0.5", "--slow", "2", "--out", "film"]) == 0
-    assert "5 pictures, 2 times slower than reality: film" in " ".join(capsys.readouterr().out.split())
-    assert len(list(Path("film").iterdir())) == 5  # the start, and four decisions
-    assert main(["record", "tiny", "--policy", "vci"]) == 2
+    assert main(line) == 2
+    assert "Trace" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("episodes", "width", "heads"), [
@@ -291,3 +291,17 @@ def test_columns_are_for_several_episodes_or_one_and_for_wide_tables(
     if episodes == 2:
         assert list(table.columns[3].cells) == ["0.000"]  # narrow: three digits
     assert [row.style for row in table.rows] == ["bold"]
+
+
+def test_long_names_cut_no_number(toy: ToyCell) -> None:
+    runs = evaluated(toy, "known", "off")
+    name = "ppo:results/train/a-training-with-a-long-name-0/best-of-all-that-were-tried.npz"
+    runs = replace(runs, results={name: runs.results["known"], "off": runs.results["off"]})
+    written = io.StringIO()
+    Console(width=40, file=written).print(table_of(runs, title="", caption="", width=40))
+    text = written.getvalue()
+    assert "…" not in text
+    assert "1/1" in text
+    label = labelled(runs)
+    assert list(label.results) == ["ppo-best-of-all-that-were-tried", "off"]
+    assert label.results["ppo-best-of-all-that-were-tried"] is runs.results[name]

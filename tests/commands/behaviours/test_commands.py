@@ -80,6 +80,7 @@ def test_evaluate_a_blend_cell(capsys: pytest.CaptureFixture[str]) -> None:
     assert "limit-aware-smooth keeps all limits" in " ".join(out.split())
     assert max(map(len, out.splitlines())) <= 118
     assert {file.name for file in Path("results/lee2006").glob("*.png")} == {
+        "workspace.png",
         "path.png",
         "line_speed.png",
         "accelerations.png",
@@ -118,10 +119,10 @@ def test_reproduce_lists_the_paper_beside_ours(capsys: pytest.CaptureFixture[str
         assert finish["paper"] == 0.33
         assert 0.328 < finish["ours"] <= (0.345 if float(step) <= 2 else 0.352)
     assert by_name["certified lower bound"]["paper"] is None
-    pictures = sorted(Path("results/lee1991").glob("*.png"))
+    pictures = sorted(Path("results/lee1991/paper").glob("*.png"))
     assert [file.name[:4] for file in pictures if file.name.startswith("fig")] == [f"fig{k}" for k in range(1, 9)]
     assert all(min(size(file)) > 400 for file in pictures)
-    assert "Pictures in results/lee1991" in capsys.readouterr().out
+    assert "Pictures in results/lee1991/paper" in capsys.readouterr().out
 
 
 def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
@@ -146,7 +147,7 @@ def test_evaluate_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:
     results = load("ik.json")["policies"]
     assert results["feedback"]["position_error_max_m"] == pytest.approx(6.72e-3, abs=2e-5)
     assert {file.name for file in Path("results/chung").glob("*.png")} == {
-        "path.png", "errors.png", "joint_speeds.png", "torque.png",
+        "workspace.png", "path.png", "errors.png", "joint_speeds.png", "torque.png",
     }  # fmt: skip
     line = ["evaluate", "panda-poses", "--policies", "feedback-damped", "--family", "near-singular", "--no-figures"]
     assert main([*line, "--episodes", "2", "--model-error", "0.05"]) == 0
@@ -229,7 +230,7 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (["evaluate", "lee1991", "--start-phase", "0.3", "0.1"], ["--start-phase must be a number or a range"]),
         (["evaluate", "lee1991", "--disturbance", "lat"], ["unknown disturbance 'lat'", "did you mean 'late'"]),
-        (["evaluate", "lee1991", "--physics", "mujoco"], ["unknown physics 'mujoco'", "bullet, ideal"]),
+        (["evaluate", "lee1991", "--physics", "gazebo"], ["unknown physics 'gazebo'", "bullet, mujoco, ideal"]),
         (
             ["evaluate", "lee2006", "--mode", "acceleration"],
             ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --episodes, --family"],
@@ -324,7 +325,7 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
         ),
         ("reproduce", "Compute every table value", ["PAPER", "--json FILE"]),
         ("plot", "Draw a cell and its plans", ["--method NAME", "(default: vci; of one arm all)"]),
-        ("record", "Film one episode", ["--slow X", ".mp4", ".gif", "(default: 20, of a blend cell 4"]),
+        ("record", "Film one episode", ["--slow X", ".mp4", ".gif", "seven seconds"]),
         ("cells", "List the cells", ["[CELL]"]),
     ],
 )

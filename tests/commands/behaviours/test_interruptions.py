@@ -214,6 +214,8 @@ def test_generated_cells_are_taken_over_unless_they_have_been_changed(
         ["record", "lee1991", "--out", "taken/film.gif"],
         ["record", "lee1991", "--out", "taken/pictures"],
         ["record", "lee1991", "--out", "folder.mp4"],
+        ["view", "lee1991", "--html", "taken/page.html"],
+        ["evaluate", "lee1991", "--html", "folder.mp4"],
         ["evaluate", "lee1991", "--out", "taken"],
         ["evaluate", "lee1991", "--no-figures", "--json", "folder.mp4"],
         ["reproduce", "lee1991", "--out", "taken"],

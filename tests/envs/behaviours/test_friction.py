@@ -9,7 +9,7 @@ import pytest
 
 from armtempo.envs import CoordinationOptions, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
-from armtempo.envs.bodies._scene import Scene
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.planners import CoordinationCell, build_cell
 from armtempo.robots import Arm
 
@@ -71,7 +71,7 @@ def test_the_path_is_kept_as_without_friction(slow: CoordinationCell, damping: f
 def test_friction_is_not_the_urdfs_where_the_arm_has_its_own(slow: CoordinationCell) -> None:
     """An arm that is let go coasts to rest under dry friction alone as Newton has it."""
     cell = with_friction(slow, 0.0, 0.2)
-    scene = Scene(cell)
+    scene = BulletScene(cell)
     try:
         body = scene.bodies[0]
         q = np.zeros((2, 2))

@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, CoordinationTrace
 from armtempo.envs.bodies._bullet import pybullet
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.planners import CoordinationCell, build_cell, load_cell
 from armtempo.planners.cells import needed_torque_reserve
 from armtempo.robots import Arm
@@ -60,7 +61,7 @@ def test_bodies_are_heavier_by_the_share_told(lee1991: CoordinationCell) -> None
         env = CoordinationEnv(lee1991, physics="bullet", model_error=model_error)
         env.reset(seed=0)
         scene = env.simulation._controller.scene
-        assert scene is not None
+        assert isinstance(scene, BulletScene)
         found = []
         for body in scene.bodies:
             for link in range(pybullet.getNumJoints(body, physicsClientId=scene.client)):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armtempo.envs.bodies import Controller, joint_torques, pybullet
+from armtempo.envs.bodies import Controller, Physics, joint_torques, pybullet
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.envs.bodies._joint_control import control, stack_models
 from armtempo.errors import InputError
 from armtempo.planners import BlendCell, CoordinationCell, IKCell
@@ -38,9 +39,12 @@ def test_arms_of_different_sizes_are_controlled_as_each_alone(lee1991: Coordinat
     assert (np.abs(demand) > 5.0).any()
 
 
-def test_arms_at_rest_are_held_where_they_are(lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCell) -> None:
+@pytest.mark.parametrize("physics", ["bullet", "mujoco"])
+def test_arms_at_rest_are_held_where_they_are(
+    lee1991: CoordinationCell, lee2006: BlendCell, chung: IKCell, physics: Physics
+) -> None:
     for cell in (lee1991, lee2006, chung):
-        controller = Controller(cell, "bullet")
+        controller = Controller(cell, physics)
         assert controller.scene is not None
         q = cell.start[None] if isinstance(cell, IKCell) else np.array([path.evaluate(0.0)[0] for path in cell.paths])
         controller.reset(q)
@@ -50,13 +54,14 @@ def test_arms_at_rest_are_held_where_they_are(lee1991: CoordinationCell, lee2006
         assert not controller.clipped
         controller.close()
         controller.close()
-        assert controller.scene.client < 0
+        assert not isinstance(controller.scene, BulletScene) or controller.scene.client < 0
 
 
-def test_heavier_bodies_sag_until_the_controller_holds_them(chung: IKCell) -> None:
+@pytest.mark.parametrize("physics", ["bullet", "mujoco"])
+def test_heavier_bodies_sag_until_the_controller_holds_them(chung: IKCell, physics: Physics) -> None:
     sag = []
     for error in (0.0, 0.1):
-        controller = Controller(chung, "bullet", model_error=error)
+        controller = Controller(chung, physics, model_error=error)
         controller.reset(chung.start[None])
         for _ in range(200):
             controller.track(chung.start[None])
@@ -84,7 +89,7 @@ def test_without_bodies_an_arm_is_put_on_its_reference(lee2006: BlendCell) -> No
 def test_joints_rub_by_the_share_told(lee2006: BlendCell, friction_error: float) -> None:
     controller = Controller(lee2006, "bullet", friction_error=friction_error)
     scene = controller.scene
-    assert scene is not None
+    assert isinstance(scene, BulletScene)
     for joint, damping in zip(scene.joints[0], lee2006.arm.damping, strict=True):
         found = pybullet.getJointInfo(scene.bodies[0], joint, physicsClientId=scene.client)[6]
         assert found == pytest.approx((1.0 + friction_error) * damping)

@@ -14,7 +14,7 @@ import yaml
 
 from armtempo.configs import data_path
 from armtempo.envs import CoordinationEnv
-from armtempo.envs.bodies import Scene
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.envs.bodies._damping import check_damping
 from armtempo.errors import RobotError
 from armtempo.planners import CoordinationCell, load_cell
@@ -44,7 +44,7 @@ def cell_of(arm: Arm, stiffness: float, tick: float = 1e-3) -> Any:
 
 @pytest.mark.parametrize(("stiffness", "grows"), [(0.9, False), (1.7, False), (1.99, False), (2.01, True), (2.5, True)])
 def test_above_two_speeds_grow_in_pybullet(pendulum: Arm, stiffness: float, grows: bool) -> None:
-    scene = Scene(cell_of(pendulum, stiffness))
+    scene = BulletScene(cell_of(pendulum, stiffness))
     q, qd = np.zeros((1, 1)), np.full((1, 1), 1e-6)
     scene.put_joints(q, qd)
     for _ in range(300):

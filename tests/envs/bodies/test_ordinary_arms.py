@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from armtempo.envs import CoordinationEnv
-from armtempo.envs.bodies import Scene
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.errors import RobotError
 from armtempo.planners import load_cell
 from armtempo.robots import Arm
@@ -91,7 +91,7 @@ def test_a_tick_moves_the_bodies_as_the_planner_says(arm: Arm) -> None:
     """At states and ticks of our own, not those that the scene compares at when it is made."""
     tick, random = 2e-3, np.random.default_rng(7)
     cell: Any = SimpleNamespace(arms=(_without_friction(arm),), gravity=GRAVITY, physics_tick=tick)
-    scene, n = Scene(cell), arm.dof
+    scene, n = BulletScene(cell), arm.dof
     found, speeds = np.zeros((2, 1, n))
     for _ in range(5):
         q, qd, qdd = random.uniform(-2.0, 2.0, (3, n))

@@ -19,8 +19,8 @@ import yaml
 
 from armtempo.configs import ArmConfig
 from armtempo.envs import CoordinationEnv, CoordinationOptions, CoordinationSimulation, YieldingEnv
-from armtempo.envs.bodies import _scene
-from armtempo.envs.bodies._scene import Scene
+from armtempo.envs.bodies import _bullet_scene
+from armtempo.envs.bodies._bullet_scene import BulletScene
 from armtempo.errors import RobotError
 from armtempo.planners import CoordinationCell, load_cell
 from armtempo.robots import Arm, urdf_text
@@ -74,7 +74,7 @@ def cell(request: pytest.FixtureRequest, lee1991: CoordinationCell, tmp_path: Pa
     return _tilted_cell(tmp_path, tool=request.param.endswith("tool"))
 
 
-def _tip_in_pybullet(scene: Scene, i: int, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+def _tip_in_pybullet(scene: BulletScene, i: int, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """Origin and rotation of the arm's tip link (without the tool's frame) as PyBullet has them."""
     body, client = scene.bodies[i], scene.client
     state = pybullet.getLinkState(body, arm.dof - 1, computeForwardKinematics=True, physicsClientId=client)
@@ -83,7 +83,7 @@ def _tip_in_pybullet(scene: Scene, i: int, arm: Arm) -> tuple[np.ndarray, np.nda
 
 
 def test_tips_are_where_the_planner_has_them(cell: CoordinationCell) -> None:
-    scene, random = Scene(cell), np.random.default_rng(0)
+    scene, random = BulletScene(cell), np.random.default_rng(0)
     for _ in range(10):
         q = random.uniform(-2.5, 2.5, (len(cell.arms), 2))
         scene.put_joints(q, np.zeros_like(q))
@@ -103,7 +103,7 @@ def test_tips_are_where_the_planner_has_them(cell: CoordinationCell) -> None:
 
 def test_one_tick_obeys_the_planners_dynamics(cell: CoordinationCell) -> None:
     """Free fall and random torques: the change of speed over one tick against our inverse dynamics."""
-    scene, random, dt = Scene(cell), np.random.default_rng(1), 1e-3
+    scene, random, dt = BulletScene(cell), np.random.default_rng(1), 1e-3
     pybullet.setTimeStep(dt, physicsClientId=scene.client)
     pybullet.setGravity(*cell.config.gravity_m_s2, physicsClientId=scene.client)
     shape = (len(cell.arms), 2)
@@ -176,7 +176,7 @@ def test_resets_are_bit_exact(lee1991: CoordinationCell) -> None:
 
 def test_no_contacts_and_no_hidden_damping(lee1991: CoordinationCell) -> None:
     """Arms through each other in PyBullet: no contact force, and their energy of motion stays."""
-    scene = Scene(lee1991)
+    scene = BulletScene(lee1991)
     pybullet.setTimeStep(1e-4, physicsClientId=scene.client)
     pybullet.setGravity(0.0, 0.0, 0.0, physicsClientId=scene.client)
     q = np.array([path.evaluate(0.5 * path.length)[0] for path in lee1991.paths])
@@ -205,12 +205,12 @@ def test_bodies_that_are_not_the_arms_are_refused(lee1991: CoordinationCell, mon
         {"inertia": model.inertia * 1.001},
     ):
         other = replace(lee1991.arms[1], model=model._replace(**change))
-        monkeypatch.setattr(_scene, "urdf_text", lambda arm, visuals, other=other: urdf_text(other, visuals))
-        monkeypatch.setattr(Scene, "_weigh", lambda self, *args: None)
+        monkeypatch.setattr(_bullet_scene, "urdf_text", lambda arm, visuals, other=other: urdf_text(other, visuals))
+        monkeypatch.setattr(BulletScene, "_weigh", lambda self, *args: None)
         with pytest.raises(
             RobotError, match=r"arm 'slave': its .* in PyBullet are off by .* from what is planned with"
         ):
-            Scene(replace(lee1991, arms=(lee1991.arms[1],)))
+            BulletScene(replace(lee1991, arms=(lee1991.arms[1],)))
 
 
 def test_pybullet_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
@@ -226,7 +226,7 @@ def test_pybullet_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
 def test_threads_leave_standard_output_where_it_is(lee1991: CoordinationCell) -> None:
     def work() -> None:
         for _ in range(8):
-            Scene(lee1991).close()
+            BulletScene(lee1991).close()
 
     before = [os.fstat(number) for number in (1, 2)]
     threads = [threading.Thread(target=work) for _ in range(4)]
@@ -266,7 +266,7 @@ def test_a_chain_of_forty_joints(tmp_path: Path, seed: int) -> None:
     arm = Arm.from_urdf(file)
     assert len(urdf_text(arm)) > 3 * 8192
     cell: Any = SimpleNamespace(arms=(arm,), gravity=(0.0, 0.0, -9.81), physics_tick=1e-3)
-    Scene(cell).close()
+    BulletScene(cell).close()
 
 
 def test_many_environments_share_nothing_in_pybullet(lee1991: CoordinationCell) -> None:
