@@ -9,6 +9,7 @@ from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._numba import inlined, njit, uncounted, unlocked
 from armtempo.robots._separation import Bodies, pack_bodies, separation
 from armtempo.robots._shapes import Shape, static_shape
+from armtempo.robots._shared_base import share_bases
 from armtempo.robots._sizes import UNLIMITED
 from armtempo.robots._srdf import Srdf, read_srdf
 from armtempo.robots._urdf_text import principal_moments, urdf_text
@@ -35,6 +36,7 @@ __all__ = [
     "read_visuals",
     "separation",
     "shape_distance",
+    "share_bases",
     "static_shape",
     "uncounted",
     "unlocked",

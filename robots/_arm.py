@@ -130,6 +130,8 @@ class Arm:
     """Names of links whose collision with each other is not looked at."""
     locked: tuple[tuple[str, float], ...]
     """Joints of its file that are held, and where [rad or m]."""
+    shared_base: tuple[tuple[str, str], ...] = ()
+    """Static bodies that it shares with other arms of its file, and the names of their links; see ``share_bases``."""
     named_places: tuple[tuple[str, Floats], ...]
     """Names and postures (n,) of an SRDF's group [rad or m]; see ``places``."""
     model: ArmModel

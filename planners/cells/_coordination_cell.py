@@ -21,7 +21,7 @@ from armtempo.planners.coordination import (
 )
 from armtempo.planners.joint_paths import AbstractJointPath
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, minimum_time, refined_plane
-from armtempo.robots import Arm, Clearance, Shape
+from armtempo.robots import Arm, Clearance, Shape, share_bases
 
 BOUND_GRID = 8000  # intervals
 MOST_HALVINGS = 2  # of the side of a chart's cells, where undecided ones cost time
@@ -66,24 +66,27 @@ class CoordinationCell(CellBase[CellConfig]):
         for i, given in enumerate(config.arms):
             with located(f"{config.source}, arms[{i}]"):
                 arms.append(arm_from(config, given))
+        with located(str(config.source)):
+            whole, bases = share_bases(arms)
+        for i, given in enumerate(config.arms):
             with located(f"{config.source}, arms[{i}].path"):
-                path, tool_speed = path_from(arms[i], config, given)
+                path, tool_speed = path_from(whole[i], config, given)
                 paths.append(path)
                 dynamics = PathDynamics.from_path(
-                    arms[i], path, intervals=config.stations, torque_reserve=_reserve_of(config),
+                    whole[i], path, intervals=config.stations, torque_reserve=_reserve_of(config),
                     tool_speed_m_s=tool_speed,
                 )  # fmt: skip
                 planes.append(refined_plane(dynamics, tick=config.physics_tick_s))
-        obstacles = tuple(obstacle_from(config, obstacle) for obstacle in config.obstacles)
+        obstacles = (*(obstacle_from(config, obstacle) for obstacle in config.obstacles), *bases)
         cell = cls(
             name=config.name,
             config=config,
-            arms=tuple(arms),
+            arms=whole,
             paths=tuple(paths),
             obstacles=obstacles,
             dynamics=tuple(plane.dynamics for plane in planes),
             planes=tuple(planes),
-            clearance=Clearance(arms, obstacles),
+            clearance=Clearance(whole, obstacles),
         )
         cell.certify()
         return cell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import yaml
 
 from armtempo.errors import ConfigError
-from armtempo.planners import CoordinationCell, load_cell
+from armtempo.planners import CoordinationCell, load_cell, schedule
 from tests.robots.torso import write_torso
 
 
@@ -53,3 +54,21 @@ def test_what_does_not_fit_is_said_with_its_place(changes: dict[str, object], wo
     with pytest.raises((ConfigError, LookupError, ValueError), match=words) as caught:
         load_cell(write(tmp_path, **changes))
     assert "cell.yaml" in str(caught.value)
+
+
+def test_two_arms_of_a_torso_are_coordinated(tmp_path: Path) -> None:
+    """They swing towards each other and back; read alone, each would carry the other one at zero."""
+    file = write(tmp_path)
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    left = data["arms"][0]
+    right = left | {"name": "right", "group": "right", "path": {"waypoints_rad": [[-0.3, 0.4, 0.2], [0.4, 0.9, 0.5]]}}
+    right.pop("joint_limits")
+    data["arms"] = [left, right]
+    file.write_text(yaml.safe_dump(data), encoding="utf-8")
+    cell = load_cell(file, CoordinationCell)
+    assert [body.link_name for body in cell.obstacles] == ["left+/base", "left+/chest"]
+    plan = schedule(cell, "optimal")
+    assert plan.certificate.min_clearance > cell.d_min
+    assert plan.certificate.certified_free
+    again = pickle.loads(pickle.dumps(cell))
+    assert [len(arm.shapes) for arm in again.arms] == [len(arm.shapes) for arm in cell.arms]
