@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from armtempo.arrays import Bools, Floats, read_only
 from armtempo.errors import RobotError, check_keywords
 from armtempo.robots import _kernels as kernels
+from armtempo.robots._joint_limits import read_joint_limits
 from armtempo.robots._model import ArmModel, Capsules
 from armtempo.robots._shapes import Shape, check_pose, make_shape, pack
 from armtempo.robots._sizes import (
@@ -27,7 +28,8 @@ from armtempo.robots._sizes import (
     read_array,
     read_number,
 )
-from armtempo.robots._urdf import Chain, ChainJoint, Unphysical, merge_inertia, read_urdf
+from armtempo.robots._srdf import Srdf, read_srdf
+from armtempo.robots._urdf import Chain, ChainJoint, Unphysical, UrdfReader, merge_inertia
 
 __all__ = ["Arm", "Tool"]
 
@@ -71,7 +73,12 @@ class Tool:
 
 
 class JointKeywords(TypedDict, total=False):
-    """What ``Arm.from_urdf`` takes in place of the URDF's; one entry per joint, None entries keep the URDF's."""
+    """What ``Arm.from_urdf`` takes beside and in place of the URDF's."""
+
+    locked: Mapping[str, float] | None
+    joint_limits: str | Path | None
+    srdf: str | Path | None
+    group: str | None
 
     torque_max: Sequence[float | None] | Floats | None
     speed_max: Sequence[float | None] | Floats | None
@@ -121,6 +128,12 @@ class Arm:
     shapes: tuple[Shape, ...]
     ignored_pairs: tuple[tuple[str, str], ...]
     """Names of links whose collision with each other is not looked at."""
+    locked: tuple[tuple[str, float], ...]
+    """Joints of its file that are held, and where [rad or m]."""
+    shared_base: tuple[tuple[str, str], ...] = ()
+    """Static bodies that it shares with other arms of its file, and the names of their links; see ``share_bases``."""
+    named_places: tuple[tuple[str, Floats], ...]
+    """Names and postures (n,) of an SRDF's group [rad or m]; see ``places``."""
     model: ArmModel
     capsules: Capsules
     T_link_tip: Floats
@@ -157,7 +170,11 @@ class Arm:
                 by volume. Without it such an arm has no mass, and PyBullet cannot move it. Either way
                 it is ``kinematic``: planned by its speed and acceleration limits alone.
             ignored_pairs: Pairs of URDF links that are not looked at for self-collision (an SRDF's disabled pairs).
-            **given: What the URDF has otherwise, one entry per joint; None entries keep the URDF's.
+            **given: ``locked``, joints that are held, by name [rad or m]: such as those of a torso; joints that mimic
+                them follow. ``srdf``, a file whose disabled pairs are ignored, too; of its ``group`` the tip is that
+                of the arm unless ``tip_link`` says otherwise, and its states are the arm's ``places``.
+                ``joint_limits``, MoveIt's YAML file, in place of the URDF's where what follows is None.
+                What the URDF has otherwise, one entry per joint; None entries keep the URDF's.
                 ``torque_max`` (n,) in place of its effort limits [N m or N];
                 ``speed_max`` (n,) of its velocity limits [rad/s or m/s];
                 ``position_limits`` (n, 2) of its lower and upper ones [rad or m];
@@ -174,8 +191,15 @@ class Arm:
         check_keywords(cls.from_urdf, given, JointKeywords.__annotations__)
         file = Path(urdf)
         _check_mass(substitute_mass)
-        chain = read_urdf(file, tip_link, unphysical_inertia, substitute_mass)
+        locked, (srdf, group) = dict(given.get("locked") or {}), _group(given)
+        reader = UrdfReader(file, unphysical_inertia, substitute_mass, locked)
+        if srdf is not None and group is not None:
+            group_end = reader.group_tip(srdf, group)
+            tip_link = tip_link or group_end
+        chain = reader.chain(tip_link)
         joints = chain.joints
+        if given.get("joint_limits") is not None:
+            given = _with_limits(given, [joint.name for joint in joints])
         T_base = check_pose(np.eye(4) if T_world_base is None else T_world_base, f"base of {name or chain.name!r}")
         torques = _unlimited if chain.kinematic else _limits
         torque = torques(file, joints, "effort", "torque_max", given.get("torque_max"))
@@ -191,6 +215,8 @@ class Arm:
         if tool is not None:
             chain = _with_tool(chain, tool)
         _check_pairs(file, ignored_pairs, chain.shapes)
+        if srdf is not None:
+            ignored_pairs = _all_pairs(ignored_pairs, srdf, chain.shapes)
         model = _model(chain, viscous, read_array(gravity, (3,), GRAVITY_MAX, "gravity (x, y, z)", "m/s^2"), T_base)
         return cls(
             name=name or chain.name,
@@ -212,6 +238,8 @@ class Arm:
             coulomb=dry,
             shapes=chain.shapes,
             ignored_pairs=tuple((a, b) for a, b in ignored_pairs),
+            locked=tuple(locked.items()),
+            named_places=() if srdf is None or group is None else _places(srdf, group, chain),
             model=model,
             capsules=pack(chain.shapes),
             T_link_tip=_frozen(chain.T_last_tip),
@@ -221,6 +249,11 @@ class Arm:
     def unlimited(self) -> Bools:
         """(n,) joints that neither a torque nor an acceleration limit keeps from speeding up at once."""
         return np.asarray((self.torque_max >= UNLIMITED) & np.isinf(self.acceleration_max))
+
+    @property
+    def places(self) -> dict[str, Floats]:
+        """Postures (n,) by the names that an SRDF gives them [rad or m]."""
+        return dict(self.named_places)
 
     def __reduce__(self) -> tuple[object, tuple[dict[str, Any]]]:
         return _arrived, ({field.name: getattr(self, field.name) for field in fields(self)},)
@@ -402,6 +435,41 @@ def _limits(
             )
         values.append(value)
     return _frozen(values)
+
+
+def _group(given: JointKeywords) -> tuple[Srdf | None, str | None]:
+    """The SRDF, and the group that is asked for."""
+    file, group = given.get("srdf"), given.get("group")
+    if file is None and group is not None:
+        raise RobotError(f"group {group!r} is of an SRDF, and none is given", remedy="give srdf, or leave it out")
+    return None if file is None else read_srdf(file), group
+
+
+def _with_limits(given: JointKeywords, names: Sequence[str]) -> JointKeywords:
+    """Limits of MoveIt's file, where those given are None."""
+    file = given["joint_limits"]
+    assert file is not None
+    merged: dict[str, Any] = dict(given)
+    for key, values in read_joint_limits(file, names).items():
+        own = _entries(merged.get(key), len(names), key)
+        merged[key] = [theirs if mine is None else mine for mine, theirs in zip(own, values, strict=True)]
+    return cast("JointKeywords", merged)
+
+
+def _all_pairs(pairs: Sequence[tuple[str, str]], srdf: Srdf, shapes: Sequence[Shape]) -> tuple[tuple[str, str], ...]:
+    """Pairs that are ignored, and those of the SRDF whose links have shapes."""
+    solid = {shape.link_name for shape in shapes}
+    known = {frozenset(pair) for pair in pairs}
+    more = [pair for pair in srdf.disabled_pairs if solid.issuperset(pair) and frozenset(pair) not in known]
+    return (*pairs, *more)
+
+
+def _places(srdf: Srdf, group: str, chain: Chain) -> tuple[tuple[str, Floats], ...]:
+    """The states of a group that name all joints of the chain."""
+    names = [joint.name for joint in chain.joints]
+    states = srdf.states.get(group, {})
+    whole = {key: at for key, at in states.items() if at.keys() >= set(names)}
+    return tuple((key, _frozen([at[name] for name in names])) for key, at in whole.items())
 
 
 def _check_mass(substitute: float | None) -> None:

@@ -249,11 +249,13 @@ class Clearance:
             self._between[i, j] = self._query((i, j), product(self._of(i), self._of(j)))
             self._between[j, i] = self._query((j, i), product(self._of(j), self._of(i)))
         self._all = self._query(range(len(arms)), (p for i, j in couples for p in product(self._of(i), self._of(j))))
-        self._to_obstacles = [self._query((i,), product(self._of(i), self._of(-1))) for i in range(len(arms))]
+        self._to_obstacles: list[_Query] = []
         self._self: list[_Query] = []
         self._ignored: list[tuple[tuple[str, str], ...]] = []
+        link_names = [shape.link_name for shape in shapes]
         for i, arm in enumerate(arms):
-            self._ask_of_itself(i, arm, [shape.link_name for shape in shapes])
+            self._ask_of_itself(i, arm, link_names)
+            self._ask_of_obstacles(i, arm, link_names)
 
     def _ask_of_itself(self, i: int, arm: Arm, link_names: list[str]) -> None:
         """What ``self_collision`` and ``ignored_pairs`` answer from."""
@@ -266,6 +268,16 @@ class Clearance:
         self._ignored.append(tuple((self.names[a], self.names[b]) for a, b in ignored))
         for a, b in always:
             _LOG.info("%s and %s touch wherever the joints are: left out", self.names[a], self.names[b])
+
+    def _ask_of_obstacles(self, i: int, arm: Arm, link_names: list[str]) -> None:
+        """What ``obstacles`` answers from: of the base that it shares with other arms, as if it were its own."""
+        base, named = dict(arm.shared_base), {frozenset(pair) for pair in arm.ignored_pairs}
+        pairs = list(product(self._of(i), self._of(-1)))
+        own = [(k, o) for k, o in pairs if link_names[o] in base]
+        left = [(k, o) for k, o in own if self._link[k] == 0 or {link_names[k], base[link_names[o]]} in named]
+        out = {*left, *self._always_touching(i, arm, [pair for pair in own if pair not in left])}
+        self._ignored[i] += tuple((self.names[k], self.names[o]) for k, o in own if (k, o) in out)
+        self._to_obstacles.append(self._query((i,), (pair for pair in pairs if pair not in out)))
 
     def _always_touching(self, i: int, arm: Arm, pairs: list[tuple[int, int]]) -> set[tuple[int, int]]:
         """Pairs that touch in the middle of the joints' ranges and at samples all over them.

@@ -7,7 +7,7 @@ import logging
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,18 +15,22 @@ from typing import Any, Final, Literal, NoReturn
 
 import numpy as np
 import yourdfpy
+from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Floats
-from armtempo.errors import RobotError
+from armtempo.errors import RobotError, closest
 from armtempo.robots._shapes import MESH_LENGTH_USUAL, Shape, hull_length, load_mesh, make_shape
+from armtempo.robots._sizes import read_number
+from armtempo.robots._srdf import Srdf, group_tip
 from armtempo.robots._substitute import spread_mass
 from armtempo.robots._tip import choose_tip
 from armtempo.robots._urdf_numbers import check_numbers, has_no_size, numbers_of
 from armtempo.robots._xacro import expand
 
-__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia", "read_urdf"]
+__all__ = ["Body", "Chain", "ChainJoint", "Unphysical", "UrdfReader", "merge_inertia"]
 
 MOVABLE_TYPES: Final = ("revolute", "continuous", "prismatic")
+HELD_SLACK: Final = 1e-6  # [rad, m] beyond its range that a held joint may be: rounding
 LIMITS_OF_URDF_1_2: Final = ("acceleration", "deceleration", "jerk")
 Unphysical = Literal["refuse", "point-mass"]
 _LOG = logging.getLogger("armtempo")
@@ -85,29 +89,27 @@ def merge_inertia(bodies: list[tuple[float, Floats, Floats]]) -> Body:
     return Body(mass=mass, com=com, inertia=inertia)
 
 
-def read_urdf(
-    file: Path,
-    tip_link: str | None,
-    unphysical_inertia: Unphysical = "refuse",
-    substitute_mass: float | None = None,
-) -> Chain:
-    """Parse ``file`` and follow the chain from its root to ``tip_link`` (default: see ``choose_tip``).
-
-    Movable joints off the chain are held at zero. Where no link has an inertia, ``substitute_mass`` [kg] is spread over
-    all of them; without it they have no mass. Raises RobotError naming the file, the element and the remedy.
-    """
-    return UrdfReader(file, unphysical_inertia, substitute_mass).chain(tip_link)
-
-
 class UrdfReader:
-    """A robot's file as a tree of links.
+    """A robot's file as a tree of links. Raises RobotError naming the file, the element and the remedy.
+
+    Args:
+        file: Its name.
+        unphysical_inertia: See ``Arm.from_urdf``.
+        substitute_mass: Where no link has an inertia, it is spread over all of them [kg]; without it they have none.
+        locked: Where joints are held [rad or m]; those that mimic them follow.
 
     Attributes:
         file: Its name.
         visuals: The <visual> elements of every link, as they are: nobody has looked at them.
     """
 
-    def __init__(self, file: Path, unphysical_inertia: Unphysical, substitute_mass: float | None = None) -> None:
+    def __init__(
+        self,
+        file: Path,
+        unphysical_inertia: Unphysical,
+        substitute_mass: float | None = None,
+        locked: Mapping[str, float] | None = None,
+    ) -> None:
         self.file = file
         self.unphysical_inertia = unphysical_inertia
         self.substitute_mass = substitute_mass
@@ -140,6 +142,47 @@ class UrdfReader:
         if len(roots) != 1:
             self.fail("robot", f"has {len(roots)} root links {roots}", "join the links into one tree")
         self.root = roots[0]
+        self._hold(locked or {})
+
+    def _hold(self, locked: Mapping[str, float]) -> None:
+        """Make joints that are held, and those that mimic them, fixed ones."""
+        by_name = {joint.name: joint for joint in self.robot.joints}
+        for name, value in locked.items():
+            joint = by_name.get(name)
+            if joint is None or joint.type not in MOVABLE_TYPES or joint.mimic is not None:
+                free = [j.name for j in self.robot.joints if j.type in MOVABLE_TYPES and j.mimic is None]
+                remedy = f"{closest(name, free)}joints: {', '.join(free)}"
+                self.fail(f"locked joint {name!r}", "does not exist" if joint is None else "is none that moves", remedy)
+            limit = joint.limit
+            lower, upper = (-math.inf, math.inf)
+            if joint.type != "continuous" and limit is not None and limit.lower is not None and limit.upper is not None:
+                lower, upper = limit.lower, limit.upper
+            if not lower - HELD_SLACK <= read_number(value) <= upper + HELD_SLACK:
+                self.fail(f"locked joint {name!r}", f"at {value!r:.60} is out of range", f"give {lower:g} to {upper:g}")
+        for joint in self.robot.joints:
+            if joint.type not in MOVABLE_TYPES:
+                continue
+            at = locked.get(joint.name)
+            if joint.mimic is not None:  # of one that is held, or at zero as all that are off the chain
+                drive, factor, offset = joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset
+                if drive not in locked and not (drive in by_name and offset):
+                    continue
+                at = (1.0 if factor is None else factor) * locked.get(drive, 0.0) + (offset or 0.0)
+            if at is None:
+                continue
+            origin = np.eye(4) if joint.origin is None else joint.origin
+            joint.origin = origin @ self._moved(joint, float(at))
+            joint.type = "fixed"
+
+    @staticmethod
+    def _moved(joint: Any, at: float) -> Floats:
+        """(4, 4) the motion of a joint from zero to a position."""
+        T, axis = np.eye(4), joint.axis / max(float(np.linalg.norm(joint.axis)), 1e-300)
+        if joint.type == "prismatic":
+            T[:3, 3] = at * axis
+        else:
+            T[:3, :3] = Rotation.from_rotvec(at * axis).as_matrix()
+        return T
 
     def fail(self, element: str, problem: str, remedy: str) -> NoReturn:
         raise RobotError(f"{self.file}: {element} {problem}", remedy=remedy, file=str(self.file), element=element)
@@ -243,9 +286,22 @@ class UrdfReader:
         _LOG.info("%s: the tip is %r, as none is named", self.file, tips.link)
         return tips.link
 
+    def group_tip(self, srdf: Srdf, group: str) -> str:
+        """The link at the end of an SRDF's group, whose joints must be all that move on the way to it."""
+        tip, own = group_tip(srdf, group, self.parent_joint, lambda name: self._known(name, self.links))
+        above = [joint.name for joint in self._movable(tip) if joint.name not in own]
+        if above:
+            held = ", ".join(f"{name}: 0.0" for name in above)
+            self.fail(f"joint {above[0]!r}", f"moves, and is not of group {group!r}", f"hold it: locked: {{{held}}}")
+        return tip
+
     def chain(self, tip_link: str | None) -> Chain:
         tip = self._tip(tip_link)
         movable = self._movable(tip)
+        moving = {joint.name for joint in movable}
+        for joint in self.robot.joints:
+            if joint.mimic is not None and joint.type in MOVABLE_TYPES and joint.mimic.joint in moving:
+                self.hints.append(f"joint {joint.name!r} follows {joint.mimic.joint!r}, but is held at zero here")
         place, before = self._places(movable)
         shapes = [
             self._shape(name, index, collision, *place[name])

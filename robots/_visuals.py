@@ -50,7 +50,7 @@ def read_visuals(arm: Arm, folder: Path) -> tuple[Visual, ...]:
     """
     writer = _Meshes(folder)
     try:
-        reader = UrdfReader(arm.urdf, "point-mass")
+        reader = UrdfReader(arm.urdf, "point-mass", locked=dict(arm.locked))
         place = reader.places(arm.tip_link)
     except RobotError as error:
         _LOG.warning("%s is drawn from its collision shapes: %s", arm.name, error)

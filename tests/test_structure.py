@@ -64,7 +64,6 @@ TESTED_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planners/line_speed/_speed_guess.py",
         "planners/line_speed/_stations.py",
     ),
-    "tests/planners/cells/test_load.py": ("planners/cells/_arm_from_config.py",),
     "tests/planners/cells/test_task.py": ("configs/schema/_task.py",),
     "tests/envs/blend/test_env.py": (
         "planners/cells/_blend_families.py",

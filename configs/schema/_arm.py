@@ -144,6 +144,21 @@ class MountedArmConfig(FileModel):
     arm is planned by its speed and acceleration limits alone, with this or without."""
     ignored_pairs: tuple[tuple[str, str], ...] = ()
     """Pairs of links that are not looked at for self-collision: those that touch by design."""
+    locked: dict[str, Real] | None = None
+    """Joints that are held, and where [rad] (prismatic joints: [m]): those of a torso, of a gripper. Joints that mimic
+    them follow; all others off the arm are at zero."""
+    srdf: str | None = None
+    """SRDF file, a path from the cell file: its disabled pairs are not looked at for self-collision."""
+    group: str | None = None
+    """Group of the SRDF that the arm is: the end of it is the tip, where ``tip_link`` names none."""
+    joint_limits: str | None = None
+    """MoveIt's joint_limits.yaml, a path from the cell file: limits instead of the URDF's; ``limits`` go before it."""
+
+    @model_validator(mode="after")
+    def _group_of_a_file(self) -> Self:
+        if self.group is not None and self.srdf is None:
+            raise ValueError("group: belongs to srdf, which is missing")
+        return self
 
     def over(self, sheet: RobotConfig | None) -> Self:
         """This arm, and what it leaves open from its robot's data sheet."""

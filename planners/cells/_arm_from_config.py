@@ -73,6 +73,10 @@ def arm_from(config: CellFileConfig, arm: MountedArmConfig) -> Arm:
         substitute_mass=arm.substitute_mass_kg,
         unphysical_inertia="refuse" if sheet is None else sheet.unphysical_inertia,
         ignored_pairs=arm.ignored_pairs,
+        locked=arm.locked,
+        srdf=None if arm.srdf is None else resolve_file(config, arm.srdf),
+        group=arm.group,
+        joint_limits=None if arm.joint_limits is None else resolve_file(config, arm.joint_limits),
     )
 
 

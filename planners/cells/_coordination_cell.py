@@ -23,7 +23,7 @@ from armtempo.planners.coordination import (
 )
 from armtempo.planners.joint_paths import AbstractJointPath, SequencePath
 from armtempo.planners.topp import PathDynamics, PhasePlane, PhaseTrajectory, minimum_time, refined_plane
-from armtempo.robots import Arm, Clearance, Shape
+from armtempo.robots import Arm, Clearance, Shape, share_bases
 
 BOUND_GRID = 8000  # intervals
 MOST_HALVINGS = 2  # of the side of a chart's cells, where undecided ones cost time
@@ -81,26 +81,28 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
         for i, given in enumerate(config.arms):
             with located(f"{config.source}, arms[{i}]"):
                 arms.append(arm_from(config, given))
+        with located(str(config.source)):
+            whole, bases = share_bases(arms)
         assert isinstance(config, CellConfig | TaskCellConfig)
-        ways = tasks_from(config, arms) if isinstance(config, TaskCellConfig) else _ways_from(config, arms)
+        ways = tasks_from(config, whole) if isinstance(config, TaskCellConfig) else _ways_from(config, whole)
         planes = []
-        for i, (arm, path, tool_speed) in enumerate(zip(arms, ways.paths, ways.tool_speeds, strict=True)):
+        for i, (arm, path, tool_speed) in enumerate(zip(whole, ways.paths, ways.tool_speeds, strict=True)):
             with located(f"{config.source}, arms[{i}].{ways.key}"):
                 dynamics = PathDynamics.from_path(
                     arm, path, intervals=config.stations, torque_reserve=_reserve_of(config),
                     tool_speed_m_s=tool_speed,
                 )  # fmt: skip
                 planes.append(refined_plane(dynamics, tick=config.physics_tick_s))
-        obstacles = tuple(obstacle_from(config, obstacle) for obstacle in config.obstacles)
+        obstacles = (*(obstacle_from(config, obstacle) for obstacle in config.obstacles), *bases)
         cell = cls(
             name=config.name,
             config=config,
-            arms=tuple(arms),
+            arms=whole,
             paths=ways.paths,
             obstacles=obstacles,
             dynamics=tuple(plane.dynamics for plane in planes),
             planes=tuple(planes),
-            clearance=Clearance(arms, obstacles),
+            clearance=Clearance(whole, obstacles),
             exclusions=ways.exclusions,
         )
         cell.certify()
