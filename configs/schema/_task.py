@@ -77,9 +77,7 @@ class SyncConfig(FileModel):
     """What counts: that it has arrived where that step begins, has begun it, or has done it."""
 
 
-class _StepConfig(FileModel):
-    name: PlaceName | None = None
-    """What others call it in ``after``."""
+class _SyncedConfig(FileModel):
     after: tuple[SyncConfig, ...] = ()
     """It does not begin before all of these; one may stand without brackets."""
 
@@ -87,6 +85,11 @@ class _StepConfig(FileModel):
     @classmethod
     def _one_or_more(cls, value: object) -> object:
         return (value,) if isinstance(value, dict | SyncConfig) else value
+
+
+class _StepConfig(_SyncedConfig):
+    name: PlaceName | None = None
+    """What others call it in ``after``."""
 
 
 class MoveConfig(_StepConfig):
@@ -132,7 +135,7 @@ class TaskArcConfig(TaskLineConfig):
         return self
 
 
-class EventConfig(_StepConfig):
+class EventConfig(_SyncedConfig):
     """The arm stands while something happens: a gripper closes, a part is handed over."""
 
     name: PlaceName

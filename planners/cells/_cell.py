@@ -123,8 +123,8 @@ class CellBase(Generic[ConfigT]):
 
     @property
     def kind(self) -> str:
-        """What it is for: which environments, policies and reports take it."""
-        return self.config.built_as
+        """What it is for: ``kind`` of its file."""
+        return self.config.kind
 
     @property
     def physics_tick(self) -> float:

@@ -108,6 +108,11 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
         cell.certify()
         return cell
 
+    @property
+    def kind(self) -> str:
+        """``coordination``, of files of kind ``task``, too: the same environments, policies and reports take both."""
+        return self.config.built_as
+
     def certify(self) -> None:
         """Certify every path, between samples too, and that all arms can start and end together.
 

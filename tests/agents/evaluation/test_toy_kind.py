@@ -181,8 +181,8 @@ class ToyKind(Kind[ToyCell, ToyOptions, tuple[Floats, float], ToyResult]):
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> ToyCell:
     config = SimpleNamespace(
-        name="tiny", kind="toy", goal=float(RIGHT), physics_tick_s=0.001, control_period_s=0.01, ticks_per_period=10,
-        gravity_m_s2=(0.0, 0.0, 0.0),
+        name="tiny", built_as="toy", kind="toy", goal=float(RIGHT), physics_tick_s=0.001, control_period_s=0.01,
+        ticks_per_period=10, gravity_m_s2=(0.0, 0.0, 0.0),
     )  # fmt: skip
     report: Report[Any] = Report(
         title_suffix=lambda evaluation: "; a toy",

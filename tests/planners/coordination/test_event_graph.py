@@ -34,8 +34,8 @@ def by_programs(problem: TimingProblem) -> float:
     """The least makespan over all orders, each a linear program of begins of runs."""
     borders = [np.concatenate([[0.0], m.dynamics.path.stops, [1.0]]) for m in problem.fastest if m.dynamics.path]
     clocks = [motion.time_at(border) for motion, border in zip(problem.fastest, borders, strict=True)]
-    first = np.cumsum([0, *(len(border) - 1 for border in borders)])
-    count = int(first[-1])
+    first: list[int] = np.cumsum([0, *(len(border) - 1 for border in borders)]).tolist()
+    count = first[-1]
     best = np.inf
     for orders in product((0, 1), repeat=len(problem.passing_orders.regions)):
         corners = corners_of(problem.passing_orders, np.array(orders, dtype=np.int8))
