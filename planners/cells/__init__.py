@@ -12,6 +12,7 @@ from armtempo.planners.cells._load import CELLS, as_cell, build_cell, load_cell
 from armtempo.planners.cells._motion_demand import MotionDemand, motion_demand
 from armtempo.planners.cells._pose_families import TARGET_FAMILIES, TargetFamilyName, draw_target
 from armtempo.planners.cells._robot import load_robot
+from armtempo.planners.cells._task import TaskEvent
 from armtempo.planners.cells._task_cell import Task, TaskCell
 from armtempo.planners.cells._torque_reserve import needed_torque_reserve, rate_that_holds
 
@@ -37,6 +38,7 @@ __all__ = [
     "TargetFamilyName",
     "Task",
     "TaskCell",
+    "TaskEvent",
     "as_cell",
     "build_cell",
     "draw_path",

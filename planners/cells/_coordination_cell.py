@@ -12,7 +12,7 @@ from armtempo.configs import CellConfig, SharedSpaceConfig, TaskCellConfig
 from armtempo.errors import CollisionError, InputError
 from armtempo.planners.cells._arm_from_config import arm_from, located, obstacle_from, path_from
 from armtempo.planners.cells._cell import CellBase, Sweep, sweeps_along
-from armtempo.planners.cells._task import Ways, tasks_from
+from armtempo.planners.cells._task import TaskEvent, Ways, tasks_from
 from armtempo.planners.charts import CoordinationChart, Exclusion, check_path, with_joined_cores
 from armtempo.planners.coordination import (
     MakespanBound,
@@ -62,6 +62,7 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
         clearance: FCL distances between arms and to obstacles.
         exclusions: Rules: parts of two paths in which arms are not to be at once, whatever their distance. Charts hold
             them, so every planner, bound and shield does.
+        events: Of tasks: what arms stand still for, and where.
     """
 
     config_type: ClassVar = SharedSpaceConfig
@@ -73,6 +74,7 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
     planes: tuple[PhasePlane, ...]
     clearance: Clearance
     exclusions: tuple[Exclusion, ...] = ()
+    events: tuple[TaskEvent, ...] = ()
 
     @classmethod
     def from_config(cls, config: SharedSpaceConfig) -> CoordinationCell:
@@ -104,6 +106,7 @@ class CoordinationCell(CellBase[SharedSpaceConfig]):
             planes=tuple(planes),
             clearance=Clearance(whole, obstacles),
             exclusions=ways.exclusions,
+            events=ways.events,
         )
         cell.certify()
         return cell

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,6 +38,22 @@ TURN_MAX = 1e-6  # [rad] by which a place on a line may be turned away from wher
 WORDS = {"arrived": "has come to", "begun": "has begun", "done": "has done"}
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskEvent:
+    """Where on its arm's path an event happens.
+
+    Attributes:
+        arm: Its name.
+        name: Of the event.
+        begins, ends: Places between which the arm stands [lambda].
+    """
+
+    arm: str
+    name: str
+    begins: float
+    ends: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Ways:
     """The arms' paths, how fast their tips may go along them [m/s], and rules between them."""
@@ -47,6 +63,7 @@ class Ways:
     paths: tuple[AbstractJointPath, ...]
     tool_speeds: tuple[SpeedCap | None, ...]
     exclusions: tuple[Exclusion, ...] = ()
+    events: tuple[TaskEvent, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +170,17 @@ def tasks_from(config: TaskCellConfig, arms: Sequence[Arm]) -> Ways:
             for path, own, given in zip(paths, done, config.arms, strict=True)
         ),
         exclusions=(*rules, *_zones(config, arms, paths)),
+        events=tuple(_events(config, done, paths)),
     )
+
+
+def _events(config: TaskCellConfig, done: Sequence[_Sequence], paths: Sequence[SequencePath]) -> Iterator[TaskEvent]:
+    """Arm by arm, in their order."""
+    for arm, own, path in zip(config.arms, done, paths, strict=True):
+        for k, (_, step) in enumerate(arm.steps):
+            if isinstance(step.said, EventConfig):
+                _, begins, ends, _ = _borders(path, own.marks[k])
+                yield TaskEvent(arm=arm.name, name=step.said.name, begins=begins, ends=ends)
 
 
 def _syncs(step: StepConfig) -> tuple[SyncConfig, ...]:

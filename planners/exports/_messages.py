@@ -69,4 +69,4 @@ def events(motion: RobotMotion) -> list[Message]:
 
 def _event(event: MotionEvent) -> Message:
     told = asdict(event)
-    return {"time_s": told.pop("time"), **told}
+    return {"time_s": told.pop("time"), "duration_s": told.pop("duration"), **told}

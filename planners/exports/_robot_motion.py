@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -31,6 +31,7 @@ class MotionEvent:
         time: When [s], from the start of the motion.
         arm: Whose it is.
         name: What it is called.
+        duration: How long it takes [s]; the arm stands.
         gripper: What the gripper is to do.
         holds: What the arm holds from then on; None: nothing, or as before where the event says nothing of it.
     """
@@ -38,8 +39,18 @@ class MotionEvent:
     time: float
     arm: str
     name: str
+    duration: float = 0.0
     gripper: str | None = None
     holds: str | None = None
+
+
+def _events(plan: Schedule) -> Iterator[MotionEvent]:
+    """Those of the cell's tasks, when the plan has them."""
+    motions = {arm.name: motion for arm, motion in zip(plan.cell.arms, plan.trajectories, strict=True)}
+    for event in plan.cell.events:
+        began = float(motions[event.arm].last_time_at(event.begins))  # it may wait there first
+        duration = float(motions[event.arm].time_at(event.ends)) - began
+        yield MotionEvent(time=began, arm=event.arm, name=event.name, duration=duration)
 
 
 def time_base(duration: float, rate_hz: float) -> Floats:
@@ -142,14 +153,14 @@ class RobotMotion:
 
     @classmethod
     def of_schedule(cls, plan: Schedule, rate_hz: float = 500.0, events: Sequence[MotionEvent] = ()) -> Self:
-        """The motions of a schedule at a rate; raises as ``sampled``."""
+        """The motions of a schedule at a rate, with the events of its tasks and more; raises as ``sampled``."""
 
         def sampler(arm: int) -> Callable[[Floats], JointTrajectory]:
             return lambda time: JointTrajectory.sample_at(plan.trajectories[arm], time)
 
         arms = plan.cell.arms
         samples = [sampler(arm) for arm in range(len(arms))]
-        return cls.sampled(arms, samples, duration=plan.makespan, rate_hz=rate_hz, events=events)
+        return cls.sampled(arms, samples, duration=plan.makespan, rate_hz=rate_hz, events=[*_events(plan), *events])
 
     @property
     def time(self) -> Floats:

@@ -45,7 +45,9 @@ def test_joint_trajectories_round_trip(ending: str, pair_motion: RobotMotion, tm
     assert list(document) == ["joint_trajectories", "events"]
     for arm, own in zip(pair_motion.arms, pair_motion.motions, strict=True):
         check_message(document["joint_trajectories"][arm.name], arm.joint_names, own)
-    assert document["events"] == [{"time_s": 0.2, "arm": "slave", "name": "placed", "gripper": "open", "holds": None}]
+    assert document["events"] == [
+        {"time_s": 0.2, "duration_s": 0.0, "arm": "slave", "name": "placed", "gripper": "open", "holds": None}
+    ]
 
 
 @pytest.mark.parametrize("ending", ["json", "yml"])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armtempo.errors import InputError
-from armtempo.planners import CoordinationCell, Schedule, minimum_time, schedule
+from armtempo.planners import CoordinationCell, Schedule, load_cell, minimum_time, schedule
 from armtempo.planners.exports import MotionEvent, RobotMotion, time_base
 from armtempo.planners.topp import JointTrajectory
 
@@ -98,3 +98,18 @@ def test_motions_of_other_clocks_or_arms_are_refused(pair_motion: RobotMotion, u
         replace(pair_motion, motions=(one,), finer=(one,))
     with pytest.raises(InputError, match="is not of arm 'ur'"):
         replace(ur_motion, motions=(one,), finer=(one,), events=())
+
+
+def test_events_of_tasks_are_told_when_the_plan_has_them() -> None:
+    """For exactly their time, the second arm's after what it waits for."""
+    plan = schedule(load_cell("scara-pair"), "delay")
+    motion = RobotMotion.of_schedule(plan)
+    assert [(event.arm, event.name) for event in sorted(motion.events, key=lambda one: (one.arm, one.time))] == [
+        (name, event) for name in ("left", "right") for event in ("picked", "placed")
+    ]
+    for event in motion.events:
+        assert event.duration == pytest.approx({"picked": 0.15, "placed": 0.1}[event.name], abs=1e-6)
+        arm = [one.name for one in motion.arms].index(event.arm)
+        rows = (motion.time > event.time + 1e-6) & (motion.time < event.time + event.duration - 1e-6)
+        assert rows.any()
+        np.testing.assert_allclose(motion.motions[arm].qd[rows], 0.0, atol=1e-9)
