@@ -237,7 +237,7 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (
             ["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"],
-            ["--model-error is 0.1 and physics 'ideal', which has no bodies (take --physics='bullet', or"],
+            ["--model-error is 0.1 and physics 'ideal', which has no bodies (take --physics='bullet' or 'mujoco', or"],
         ),
         (["evaluate", "lee2006", "--model-error", "-2"], ["--model-error must be a share above -1"]),
         (["evaluate", "lee1991", "--family", "zigzag"], ["in coordination cells '--family'"]),
