@@ -51,7 +51,10 @@ def test_lines_that_cannot_be_meant_are_told(
 
 
 def test_the_live_page_is_there_until_it_is_interrupted(cell_file: Callable[..., str]) -> None:
-    code = "import sys; from armtempo.commands import main; sys.exit(main(sys.argv[1:]))"
+    code = (  # shells let background jobs ignore Ctrl-C
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from armtempo.commands import main; sys.exit(main(sys.argv[1:]))"
+    )
     environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
     with subprocess.Popen(
         [sys.executable, "-c", code, "view", cell_file(), "--physics", "ideal"],
@@ -65,7 +68,10 @@ def test_the_live_page_is_there_until_it_is_interrupted(cell_file: Callable[...,
         page = connection.getresponse().read().decode()
         connection.close()
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 0
+        try:
+            assert process.wait(60) == 0
+        finally:
+            process.kill()
     data = data_of(page)
     assert [run["policy"] for run in data["runs"]] == ["vci"]
     assert "delay" in [one["policy"] for one in data["waiting"]]

@@ -135,7 +135,7 @@ def test_cells_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "planar_two_link" in out
     assert "40.0 mm" in out
-    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend", "ik"}
+    assert {entry["kind"] for entry in load("list.json")} == {"coordination", "blend", "ik", "task"}
 
 
 def test_evaluate_an_ik_cell(capsys: pytest.CaptureFixture[str]) -> None:
@@ -230,10 +230,10 @@ def complaint(line: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (["evaluate", "lee1991", "--start-phase", "0.3", "0.1"], ["--start-phase must be a number or a range"]),
         (["evaluate", "lee1991", "--disturbance", "lat"], ["unknown disturbance 'lat'", "did you mean 'late'"]),
-        (["evaluate", "lee1991", "--physics", "gazebo"], ["unknown physics 'gazebo'", "bullet, mujoco, ideal"]),
+        (["evaluate", "lee1991", "--physics", "gazebo"], ["unknown physics 'gazebo'", "bullet, ideal, mujoco"]),
         (
             ["evaluate", "lee2006", "--mode", "acceleration"],
-            ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --episodes, --family"],
+            ["unknown option of armtempo evaluate in blend cells '--mode'", "known: --audit, --episodes, --family"],
         ),
         (
             ["evaluate", "lee2006", "--model-error", "0.1", "--physics", "ideal"],
@@ -355,7 +355,7 @@ def test_help_of_evaluate_lists_the_options_of_the_cells_kind(
     assert main(["evaluate", cell, "--help"]) == 0
     out = capsys.readouterr().out
     assert "Run policies in the simulated cell" in out
-    assert all(word in out for word in (*own, "CELL", "--episodes N", "--physics {bullet,ideal}"))
+    assert all(word in out for word in (*own, "CELL", "--episodes N", "--physics {bullet,mujoco,ideal}"))
     assert foreign not in out
 
 
