@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from armtempo.agents import CoordinationEvaluation, CoordinationResult
+    from armtempo.planners import CoordinationCell
 
+TOO_CLOSE, RULE_BROKEN = "too close", "against a rule between arms"
 TIED_MAKESPANS = 1e-4  # [s] makespans this close share the bold print
 TOLD_ELSEWHERE = ("physics", "mode", "master_late_s", "model_error")  # options that the title tells in its own words
 
@@ -62,14 +64,14 @@ def _finished(results: Mapping[str, CoordinationResult]) -> dict[str, Coordinati
     return dict(sorted(good, key=lambda item: item[1].makespan_s or 0.0))
 
 
-def _why_not(results: Mapping[str, CoordinationResult]) -> dict[str, list[str]]:
+def _why_not(cell: CoordinationCell, results: Mapping[str, CoordinationResult]) -> dict[str, list[str]]:
     """The policies that did not finish, by what stood in their way."""
     from armtempo.envs.bodies import SETTLED_DISTANCE
 
     found: dict[str, list[str]] = {}
     for name, r in results.items():
         if r.violations:
-            why = "came closer than d_min"
+            why = "came closer than d_min" if _mishap(cell, r) == TOO_CLOSE else "broke a rule between arms"
         elif r.path_error_max_m > SETTLED_DISTANCE:
             why = f"left the path by {1e3 * r.path_error_max_m:.3g} mm (torque up to {r.torque_demand_ratio_max:.3g} x)"
         else:
@@ -112,7 +114,7 @@ def _about_the_arms(evaluation: CoordinationEvaluation) -> str:
     """What the table says, in a sentence: about vci where it is among those that finished, else about the quickest."""
     good = _finished(evaluation.results)
     if not good:
-        return f"No policy finished: {reasons(_why_not(evaluation.results))}."
+        return f"No policy finished: {reasons(_why_not(evaluation.cell, evaluation.results))}."
     name = "vci" if "vci" in good else next(iter(good))
     r = good[name]
     assert r.makespan_s is not None
@@ -128,9 +130,16 @@ def _about_the_arms(evaluation: CoordinationEvaluation) -> str:
     if rival is not None and quickest != name and rival < r.makespan_s - TIED_MAKESPANS:
         gap = good[quickest].gap_percent
         text += f" ({quickest}, the quickest: " + (f"{rival:.3f} s)" if gap is None else f"{number(gap, 1)} %)")
-    wrong = [policy for policy, result in evaluation.results.items() if result.violations]
-    text += f". Too close: {', '.join(wrong)}." if wrong else ". No arm ever came closer than d_min."
-    return text
+    wrong = {name: _mishap(evaluation.cell, r) for name, r in evaluation.results.items() if r.violations}
+    by_kind = [(what, [name for name, why in wrong.items() if why == what]) for what in (TOO_CLOSE, RULE_BROKEN)]
+    told = " ".join(f"{what.capitalize()}: {', '.join(names)}." for what, names in by_kind if names)
+    return f"{text}. {told or 'No arm ever came closer than d_min.'}"
+
+
+def _mishap(cell: CoordinationCell, result: CoordinationResult) -> str:
+    """What ended an episode: arms too close, or where a rule between them forbids it."""
+    near = result.min_clearance_m
+    return TOO_CLOSE if near is not None and near < cell.d_min else RULE_BROKEN
 
 
 def evaluation_figures(evaluation: CoordinationEvaluation) -> dict[str, Figure]:

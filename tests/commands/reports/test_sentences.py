@@ -10,7 +10,7 @@ import pytest
 from armtempo.agents import evaluate
 from armtempo.commands.reports._blend import summary_sentence as of_blends
 from armtempo.commands.reports._coordination import caption, summary_sentence
-from armtempo.planners import BlendCell, CoordinationCell
+from armtempo.planners import BlendCell, CoordinationCell, load_cell
 
 
 @pytest.mark.parametrize(
@@ -31,6 +31,15 @@ from armtempo.planners import BlendCell, CoordinationCell
 )
 def test_no_policy_finished(lee1991: CoordinationCell, policies: list[str], options: dict[str, Any], said: str) -> None:
     assert summary_sentence(evaluate(lee1991, policies, **options)).startswith(said)
+
+
+def test_rules_and_distances_are_told_apart() -> None:
+    """At full speed an arm passes where it should wait, far from the other."""
+    cell = load_cell("scara-pair")
+    alone = evaluate(cell, ["phase-plane"], physics="ideal")
+    assert summary_sentence(alone).startswith("No policy finished: phase-plane broke a rule between arms.")
+    both = evaluate(cell, ["phase-plane", "delay"], physics="ideal")
+    assert summary_sentence(both).endswith(". Against a rule between arms: phase-plane.")
 
 
 def test_on_the_way_there_is_no_bound(lee1991: CoordinationCell) -> None:
