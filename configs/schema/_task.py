@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -22,6 +22,7 @@ from armtempo.configs.schema._base import (
 )
 from armtempo.configs.schema._coordination import SharedSpaceConfig
 from armtempo.configs.schema._obstacles import ObstacleConfig
+from armtempo.errors import closest
 
 STEPS_MAX = 2000  # of an arm, repeats unrolled
 
@@ -261,20 +262,30 @@ class TaskCellConfig(SharedSpaceConfig):
 
     def _check_place(self, where: str, to: str | PlaceConfig | None) -> None:
         if isinstance(to, str) and to not in self.places:
-            raise ValueError(f"{where}: there is no place {to!r}; known: {', '.join(sorted(self.places)) or 'none'}")
+            raise ValueError(f"{_key(where)}: there is no place {to!r}; {_known(to, sorted(self.places))}")
 
     def _check_sync(self, where: str, own: str, sync: SyncConfig) -> None:
         named = {
             arm.name: [step.said.name for _, step in arm.steps if step.said and step.said.name] for arm in self.arms
         }
         if sync.arm == own or sync.arm not in named:
-            others = ", ".join(name for name in named if name != own)
-            raise ValueError(f"{where}: there is no other arm {sync.arm!r}; known: {others or 'none'}")
+            others = [name for name in named if name != own]
+            raise ValueError(f"{_key(where)}: there is no other arm {sync.arm!r}; {_known(sync.arm, others)}")
         count = named[sync.arm].count(sync.event)
         if count == 0:
-            known = ", ".join(dict.fromkeys(named[sync.arm]))
-            raise ValueError(f"{where}: arm {sync.arm!r} has no event or step {sync.event!r}; known: {known or 'none'}")
+            known = _known(sync.event, list(dict.fromkeys(named[sync.arm])))
+            raise ValueError(f"{_key(where)}: arm {sync.arm!r} has no event or step {sync.event!r}; {known}")
         if count > 1:
             raise ValueError(
-                f"{where}: arm {sync.arm!r} does {sync.event!r} {count} times; name the one that is meant differently"
+                f"{_key(where)}: arm {sync.arm!r} does {sync.event!r} {count} times; "
+                "name the one that is meant differently"
             )
+
+
+def _key(where: str) -> str:
+    """A place in the file, as checks over several keys name it."""
+    return where.replace("[", ".").replace("]", "")
+
+
+def _known(name: str, names: Sequence[str]) -> str:
+    return f"{closest(name, names)}known: {', '.join(names) or 'none'}"

@@ -224,7 +224,7 @@ def at(arm: int, step: int, kind: str, **said: Any) -> Change:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (at(0, 0, "line", to="feeder"), "arms[0].task[0].line.to: there is no place 'feeder'; known: above_l, above_r"),
+        (at(0, 0, "line", to="feeder"), "yaml: arms[0].task[0].line.to: there is no place 'feeder'; did you mean"),
         (at(1, 3, "line", after={"arm": "left", "event": "put"}), "has no event or step 'put'; known: picked, placed"),
         (at(1, 3, "line", after={"arm": "right", "event": "placed"}), "there is no other arm 'right'; known: left"),
         (at(1, 3, "line", after={"arm": "left", "event": "placed", "when": "soon"}), "arms[1].task[3].line.after"),
