@@ -96,7 +96,7 @@ def _progress(cell: BlendCell, trace: BlendTrace) -> Floats:
     return np.asarray(trace.s[:, None] / cell.blended.length)
 
 
-def told(result: BlendResult) -> Told:
+def told(cell: BlendCell, result: BlendResult) -> Told:
     """When the arm arrived, and by how much limits are exceeded."""
     trace = result.trace
     shares = {"normal acceleration": result.normal_acceleration_ratio_max, "jerk": result.jerk_ratio_max}

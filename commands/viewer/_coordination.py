@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armtempo.arrays import Floats
+from armtempo.arrays import Bools, Floats
 from armtempo.commands.figures._space import meeting
 from armtempo.commands.viewer._kind_view import KindView, Told
 from armtempo.commands.viewer._panels import Across, Band, Curve, Line, Panel
-from armtempo.planners import CoordinationCell, CoordinationChart
+from armtempo.planners import AbstractJointPath, CoordinationCell, CoordinationChart
 
 if TYPE_CHECKING:
     from armtempo.agents import CoordinationResult
@@ -68,7 +68,9 @@ def _chart(cell: CoordinationCell, pair: tuple[int, int]) -> Panel:
 
 def _clearance(cell: CoordinationCell, traces: Sequence[CoordinationTrace]) -> Panel:
     """The narrow places count: arms that are far apart for a while may leave the picture."""
-    peaks = [float(trace.clearance[np.isfinite(trace.clearance)].max(initial=0.0)) for trace in traces]
+    known = [trace.clearance[np.isfinite(trace.clearance)] for trace in traces]
+    peaks = [float(values.max(initial=0.0)) for values in known]
+    least = min((float(values.min()) for values in known if len(values)), default=0.0)
     low = 1e3 * cell.d_min
     return Panel(
         title="Clearance",
@@ -77,7 +79,8 @@ def _clearance(cell: CoordinationCell, traces: Sequence[CoordinationTrace]) -> P
         digits=2,
         lines=(Line(column="clearance", scale=1e3),),
         low=0.0,
-        high=max(1.2e3 * min(float(np.median(peaks)), WIDE * cell.d_min or np.inf), 2.0 * low) or None,
+        high=max(1.2e3 * min(float(np.median(peaks)), max(WIDE * cell.d_min, 2.0 * least) or np.inf), 2.0 * low)
+        or None,
         bands=(Band(low=0.0, high=low, label=f"too close: below {low:g} mm"),),
         others=True,
     )
@@ -87,7 +90,8 @@ def _phase_plane(cell: CoordinationCell, i: int, traces: Sequence[CoordinationTr
     """The arm's speed over its position, below the speed from which no torque keeps it on its path."""
     plane, motion, unit = cell.planes[i], cell.fastest[i], cell.paths[i].unit
     station, limit = plane.rows.station, plane.speed_limit()
-    fastest = max(float(motion.mu.max()), *(float(trace.mu[:, i].max()) for trace in traces))
+    going = [(motion.lam, motion.mu), *((trace.lam[:, i], trace.mu[:, i]) for trace in traces)]
+    fastest = max(float(mu[~_stands(cell.paths[i], lam)].max(initial=0.0)) for lam, mu in going)
     finite = limit[np.isfinite(limit)]
     lowest = float(finite.min()) if len(finite) else fastest
     top = 1.08 * max(min(1.5 * lowest, 1.25 * fastest), fastest)
@@ -114,12 +118,21 @@ def columns(cell: CoordinationCell, trace: CoordinationTrace) -> Mapping[str, Fl
     return {"lam": trace.lam, "mu": trace.mu, "clearance": clearance, "path_error": trace.path_error}
 
 
-def told(result: CoordinationResult) -> Told:
-    """Makespan of the first episode, how far it is above the bound, who came too close."""
+def _stands(path: AbstractJointPath, lam: Floats) -> Bools:
+    """Where lambda (K,) is on a part on which the arm stands: speeds there are of no picture's scale."""
+    inside = np.zeros(len(lam), dtype=np.bool_)
+    for part in path.standing:
+        inside |= (lam >= part.start) & (lam <= part.stop)
+    return inside
+
+
+def told(cell: CoordinationCell, result: CoordinationResult) -> Told:
+    """Makespan of the first episode, how far it is above the bound, who came too close or broke a rule."""
     trace, makespan = result.trace, result.trace.makespan
     end = float(trace.time[-1])
     if trace.violations:
-        return Told("too close", "", f"too close at {end:.3f} s")
+        why = "too close" if trace.clearance.min() < cell.d_min else "rule broken"
+        return Told(why, "", f"{why} at {end:.3f} s")
     if not math.isfinite(makespan):
         return Told("not there", "", f"not finished after {end:.3f} s")
     gap = "" if result.gap_percent is None else f", {result.gap_percent:.2f} % above the bound"

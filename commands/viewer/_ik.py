@@ -80,7 +80,7 @@ def columns(cell: IKCell, trace: IKTrace) -> Mapping[str, Floats]:
     }
 
 
-def told(result: IKResult) -> Told:
+def told(cell: IKCell, result: IKResult) -> Told:
     """Root mean square of both errors of the first episode."""
     position, orientation = (
         float(np.sqrt(np.mean(error**2))) for error in (result.trace.position_error, result.trace.orientation_error)

@@ -48,7 +48,7 @@ def no_panels(cell: CellBase[Any], traces: Sequence[Any]) -> list[Panel]:
     return []
 
 
-def only_the_time(result: Any) -> Told:
+def only_the_time(cell: CellBase[Any], result: Any) -> Told:
     """How long the first episode was."""
     return Told(f"{result.trace.time[-1]:.3f} s", f"{result.trace.time[-1]:.4f} s")
 
@@ -70,7 +70,7 @@ class KindView(Generic[CellT, TraceT, ResultT]):
     columns: Callable[[CellT, TraceT], Mapping[str, Floats]] = nothing_more
     curves: Callable[[CellT, TraceT], Mapping[str, Sequence[Curve]]] = nothing_more
     progress: Callable[[CellT, TraceT], Floats] = over_time
-    told: Callable[[ResultT], Told] = only_the_time
+    told: Callable[[CellT, ResultT], Told] = only_the_time  # type: ignore[assignment]
     usual: str = ""
 
 

@@ -92,7 +92,7 @@ def run_json(
     kept = {name: values[rows] for name, values in columns.items()}
     if isinstance(own, CoordinationCell) and len(own.arms) > 1:
         kept |= nearest_columns(own, [kept[f"q{i}"] for i in range(len(own.arms))])
-    told = view.told(result)
+    told = view.told(own, result)
     return {
         "policy": policy,
         "color": color_of_policy(policy, number),

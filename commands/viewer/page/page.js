@@ -466,7 +466,7 @@ class Chart {
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.font = "11px system-ui, 'Segoe UI', Roboto, Arial, sans-serif";
     const x = panel.type === "time" ? [0, duration() || 1] : [panel.x.low, panel.x.high], y = this.span();
-    let area = { x: 46, y: 8, w: w - 46 - 10, h: h - 8 - 34 };
+    let area = { x: 52, y: 8, w: w - 52 - 10, h: h - 8 - 34 };
     if (panel.equal) { // lengths of both paths in one scale
       const scale = Math.min(area.w / (x[1] - x[0]), area.h / (y[1] - y[0]));
       const wide = scale * (x[1] - x[0]), tall = scale * (y[1] - y[0]);
