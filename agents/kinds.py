@@ -7,7 +7,7 @@ from typing import Any, Unpack, overload
 
 from armtempo.agents.blend import BlendKind, BlendResult
 from armtempo.agents.coordination import CoordinationKind, CoordinationResult
-from armtempo.agents.evaluation import Evaluation, Kind, OnEpisode, audited, evaluate_kind, options_for
+from armtempo.agents.evaluation import Evaluation, Kind, OnEpisode, audited, check_audit, evaluate_kind, options_for
 from armtempo.agents.ik import IKKind, IKResult
 from armtempo.envs.blend import BlendKeywords, BlendOptions
 from armtempo.envs.coordination import CoordinationKeywords, CoordinationOptions
@@ -109,11 +109,14 @@ def evaluate(
     if not isinstance(cell, CellBase):
         raise InputError(f"evaluate needs a built cell, got {brief(cell)}", remedy="give one that load_cell returned")
     kind = kind_named(cell.kind)
+    asked = options_for(kind, options, keywords)
+    if audit:
+        check_audit(asked)  # before hours of episodes
     evaluation = evaluate_kind(
         kind,
         cell,
         policies,
-        options_for(kind, options, keywords),
+        asked,
         episodes=episodes,
         seed=seed,
         on_episode=on_episode,

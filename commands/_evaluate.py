@@ -74,8 +74,10 @@ def evaluate(line: Sequence[str]) -> None:
 
 def _run(given: Evaluate, kind: Kind[Any, Any, Any, Any], options: Any) -> None:
     """Run, tabulate, draw."""
-    from armtempo.agents.evaluation import Continuation, audited, evaluate_kind
+    from armtempo.agents.evaluation import Continuation, audited, check_audit, evaluate_kind
 
+    if given.audit:
+        check_audit(options)
     output = Output(given.json_file)
     folder = output_folder(given.cell, given.out) if given.figures else None
     if given.html is not None:

@@ -13,7 +13,7 @@ from armtempo.envs.blend import (
     BlendTrackingVectorEnv,
     MappingName,
 )
-from armtempo.envs.bodies import PHYSICS, Physics, Renderer
+from armtempo.envs.bodies import PHYSICS, Physics, Renderer, engine_difference
 from armtempo.envs.common import Entry, VectorBase, observation_table, share
 from armtempo.envs.coordination import (
     REWARDS,
@@ -108,6 +108,7 @@ __all__ = [
     "YieldingVectorEnv",
     "coordination_v0",
     "disturbed_motion",
+    "engine_difference",
     "observation_table",
     "share",
     "shield_trial",

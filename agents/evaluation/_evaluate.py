@@ -139,16 +139,21 @@ def evaluate_kind(
     )
 
 
+def check_audit(options: Any) -> None:
+    """Raise InputError where physics is ``ideal``: there is no engine to hold another one against."""
+    if options.physics not in OTHER_ENGINE:
+        raise InputError(f"audit: physics is {options.physics!r}, of no engine", remedy="take bullet or mujoco")
+
+
 def audited(evaluation: Evaluation[CellT, OptionsT, ResultT]) -> Evaluation[CellT, OptionsT, ResultT]:
-    """The same with what the other physics engine makes of every tick of each policy's first episode.
+    """The same with what the other physics engine makes of every tick of each policy's first episode [rad, m].
 
     Raises:
-        InputError: Physics is ``ideal``: no engine computed it; or the other engine is not installed.
+        InputError: As ``check_audit``, or the other engine is not installed.
     """
     options: Any = evaluation.options
     cell: Any = evaluation.cell
-    if options.physics not in OTHER_ENGINE:
-        raise InputError(f"audit: physics is {options.physics!r}, of no engine", remedy="take bullet or mujoco")
+    check_audit(options)
     errors = {name: getattr(options, name, 0.0) for name in ("model_error", "friction_error")}
 
     def with_difference(result: Any) -> Any:

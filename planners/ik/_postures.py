@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from armtempo.arrays import Bools, Floats
-from armtempo.errors import InputError, PathError, RobotError
-from armtempo.planners.geometry import floats, number
+from armtempo.errors import InputError, PathError, RobotError, brief
+from armtempo.planners.geometry import floats
 from armtempo.planners.ik._spherical_wrist import SphericalWristIK
 from armtempo.robots import Arm
 
@@ -47,8 +47,9 @@ def find_postures(
         PathError: None was found; the message says by how much the nearest misses.
     """
     p, R = _checked(position, rotation)
-    if not int(number(count, "count")) >= 1 or not number(seed, "seed") >= 0:
-        raise InputError(f"count {count} and seed {seed}", remedy="give whole numbers, count >= 1 and seed >= 0")
+    for name, value, least in (("count", count, 1), ("seed", seed, 0)):
+        if not isinstance(value, int | np.integer) or value < least:
+            raise InputError(f"{name} {brief(value)}", remedy=f"give a whole number, {least} or more")
     found = _closed(arm, p, R)
     if found is None:
         q, miss = _sought(arm, p, R, _starts(arm, int(seed)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -110,8 +112,10 @@ def test_what_is_out_of_reach_says_by_how_much() -> None:
         ([0.0, 0.0, 0.0], -np.eye(3), {}, "rotation of shape"),
         ([0.4, 0.0, 0.1], None, {"count": 0}, "count 0"),
         ([0.4, 0.0, 0.1], None, {"seed": -1}, "seed -1"),
+        ([0.4, 0.0, 0.1], None, {"count": float("nan")}, "count nan"),
+        ([0.4, 0.0, 0.1], None, {"seed": 1.5}, "seed 1.5"),
     ],
 )
-def test_what_is_no_pose_is_refused(position: object, rotation: object, more: dict[str, int], said: str) -> None:
+def test_what_is_no_pose_is_refused(position: object, rotation: object, more: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         find_postures(load_robot("scara_800.urdf"), position, rotation, **more)  # type: ignore[arg-type]
