@@ -39,6 +39,7 @@ BLEND_SAMPLES = 401  # of a blend
 
 HEADS = (
     "duration\n\\[s]",
+    "lower\nbound \\[s]",
     "slowest in\na blend \\[mm/s]",
     "acceleration\nalong \\[x]",
     "normal\n\\[x]",
@@ -180,6 +181,7 @@ class BlendPlans(CellPlans[BlendCell, BlendPlan]):
         return {
             name: {
                 "duration_s": plan.profile.duration,
+                "lower_bound_s": plan.profile.bound.seconds,
                 "length_m": plan.cell.blended.length,
                 "curve": plan.cell.config.blend.curve,
                 "blend_speed_min_m_s": plan.slowest,
@@ -206,6 +208,7 @@ class BlendPlans(CellPlans[BlendCell, BlendPlan]):
             table.add_row(
                 name,
                 number(entry["duration_s"], 4),
+                number(entry["lower_bound_s"], 4),
                 number(entry["blend_speed_min_m_s"], 1, 1e3),
                 share(entry["certificate"]["acceleration_ratio_max"]),
                 share(entry["normal_ratio_max"]),

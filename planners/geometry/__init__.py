@@ -12,6 +12,7 @@ from armtempo.planners.geometry._cartesian_path import (
     floats,
     number,
 )
+from armtempo.planners.geometry._duration import DurationBound, least_times
 from armtempo.planners.geometry._pose_matrix import pose_matrix, rpy_matrix
 from armtempo.planners.geometry._pose_motions import JointMotion, harmonic, smooth_step, through_poses
 from armtempo.planners.geometry._pose_target import Motion, PoseTarget
@@ -26,6 +27,7 @@ __all__ = [
     "smooth_fit",
     "Arc",
     "CartesianPath",
+    "DurationBound",
     "JointMotion",
     "Line",
     "Motion",
@@ -36,6 +38,7 @@ __all__ = [
     "TANGENT_TOLERANCE",
     "floats",
     "harmonic",
+    "least_times",
     "number",
     "pose_matrix",
     "read_waypoints",

@@ -28,6 +28,7 @@ import numpy as np
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners.line_speed._path_samples import path_rests
 from armtempo.planners.line_speed._profile import (
     ROUNDING,
     LineSpeedLimits,
@@ -75,7 +76,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
         raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
     if not (hasattr(path, "length") and hasattr(path, "derivatives")):
         raise InputError(f"a {type(path).__name__} is no path", remedy="give a BlendedPath, or one segment")
-    stops = _stops(path)
+    stops = path_rests(path)
     knots, rows, now = [np.zeros(1)], [], 0.0
     for start, end in pairwise(stops):
         times, coefficients = _between_stops(path, limits, float(start), float(end))
@@ -112,20 +113,6 @@ def _certified(profile: LineSpeedProfile) -> LineSpeedProfile:
             remedy="blend corners by more, or bring the limits closer together",
         )
     return profile
-
-
-def _stops(path: Any) -> Floats:
-    """Where the motion must rest: both ends, and breakpoints with a jump of curvature."""
-    if not hasattr(path, "breakpoints"):  # one segment
-        return np.array([0.0, path.length])
-    inner = np.asarray(path.breakpoints, dtype=np.float64)[1:-1]
-    if hasattr(path, "continuity"):
-        jumps = np.asarray(path.continuity) < 2
-    else:
-        before, after = (path.derivatives(inner, before=side)[2] for side in (True, False))
-        size = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
-        jumps = np.linalg.norm(after - before, axis=-1) > 1e-9 * np.maximum(size, 1.0 / path.length)
-    return np.concatenate([[0.0], inner[jumps], [path.length]])
 
 
 def _between_stops(path: Any, limits: LineSpeedLimits, start: float, end: float) -> tuple[Floats, Floats]:

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, brief
-from armtempo.planners.geometry import number
+from armtempo.planners.geometry import DurationBound, number
+from armtempo.planners.line_speed._least_duration import least_duration
 from armtempo.planners.line_speed._path_samples import path_marks, path_samples
 from armtempo.robots import njit
 
@@ -24,6 +25,7 @@ PEAK_CLOSENESS = 2e-2  # of the largest sample: peaks between samples are looked
 PEAK_SAMPLES, PEAK_ZOOMS = 33, 2  # samples around a peak, and around the peak among those
 JOINT_SHARE = 1e-6  # of a piece: instants at which the path bends otherwise are looked at where no knot is closer
 ROUNDING = 2e-15  # of a path's length: how far off a length is, to be safe
+BOUND_ROUNDING = 1e-9  # of the duration of the fastest profile
 END_SHARE = 1e-9  # of a piece: each end belongs to its own piece (jerk, and what a path bends, may jump at a knot)
 
 
@@ -243,6 +245,15 @@ class LineSpeedProfile:
     def duration(self) -> float:
         """Time of the last knot [s]."""
         return float(self.knots[-1])
+
+    @cached_property
+    def bound(self) -> DurationBound:
+        """Proven lower bound of the duration of any profile over its length, along its path, inside its limits."""
+        limits = self.limits
+        if self.path is None:  # the fastest has a closed form
+            return DurationBound(seconds=self.plan(self.length, limits).duration * (1.0 - BOUND_ROUNDING), proven=True)
+        seconds = least_duration(self.path, limits.speed, limits.acceleration, limits.normal, limits.jerk)
+        return DurationBound(seconds=seconds, proven=True)
 
     def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
         """Length [m], speed, acceleration and jerk at times ``t`` [s] (any shape), clipped to [0, duration]."""

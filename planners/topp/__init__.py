@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from armtempo.planners.topp._diagnostics import Island, PhaseDiagnostics, diagnose
-from armtempo.planners.topp._duration_bound import DurationBound
 from armtempo.planners.topp._minimum_time import minimum_time
 from armtempo.planners.topp._path_dynamics import PathDynamics, SpeedCap
 from armtempo.planners.topp._phase_plane import LIMIT_EXCESS_MAX, Mode, PhasePlane, refined_plane
@@ -13,7 +12,6 @@ from armtempo.planners.topp._trajectory_file import JointTrajectory, read_trajec
 
 __all__ = [
     "LIMIT_EXCESS_MAX",
-    "DurationBound",
     "Island",
     "JointTrajectory",
     "Mode",

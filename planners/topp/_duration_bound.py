@@ -18,34 +18,20 @@ be left).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from armtempo.arrays import Bools, Floats
+from armtempo.planners.geometry import DurationBound, least_times
 from armtempo.planners.topp._controllable_sets import SET_INTERVALS_MAX, controllable_sets
 from armtempo.planners.topp._greedy import greedy_profile
 from armtempo.planners.topp._path_dynamics import PathDynamics
 from armtempo.planners.topp._rows import Rows
 
-__all__ = ["DurationBound", "duration_bound"]
+__all__ = ["duration_bound"]
 
 PROOF_INTERVALS = 8000  # at least, by cutting those there are
 GUESSES = (1.05, 1.3, 2.0, 5.0)  # of X, in times of what the limits alone allow
 ROUNDING = 1e-8  # of a bound
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DurationBound:
-    """No motion with the same ends, inside the limits, takes less than ``seconds``.
-
-    Attributes:
-        seconds: The bound [s].
-        proven: By the argument of this module; else it is an estimate, from how the time falls with the grid.
-    """
-
-    seconds: float
-    proven: bool
 
 
 def duration_bound(dynamics: PathDynamics, ends: tuple[float, float], speeds: tuple[float, float]) -> DurationBound:
@@ -132,7 +118,9 @@ def _proven(rows: Rows, squares: tuple[float, float]) -> float | None:
         peak = np.minimum(0.5 * (above[1:] + above[:-1]) + u_most * np.diff(rows.station), cap)
         held = (peak < most) | (peak >= cap)  # beyond its cap nothing is to be shown
         if held[real].all():
-            return float(_least_times(rows, above, peak, u_most)[real].sum()) * (1.0 - ROUNDING)
+            first, last = (np.minimum(ends, peak) for ends in (above[:-1], above[1:]))
+            times = least_times(np.diff(rows.station), first, last, peak, u_most)
+            return float(times[real].sum()) * (1.0 - ROUNDING)
     return None
 
 
@@ -157,13 +145,3 @@ def _widened(rows: Rows, most: Floats, u_most: Floats, real: Bools) -> Rows:
         low[end][real] = np.minimum(low[end], mean_low - slack)[real]
         high[end][real] = np.maximum(high[end], mean_high + slack)[real]
     return rows._replace(low=low, high=high)
-
-
-def _least_times(rows: Rows, above: Floats, peak: Floats, u_most: Floats) -> Floats:
-    """(N,) [s] that the intervals take at least: below ``above`` at both ends, ``peak``, and slopes of 2 u_most."""
-    way, root = np.diff(rows.station), np.sqrt(np.maximum(peak, 0.0))
-    first, last = (np.minimum(ends, peak) for ends in (above[:-1], above[1:]))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sloping = (2.0 * root - np.sqrt(first) - np.sqrt(last)) / u_most
-        flat = np.maximum(way - (2.0 * peak - first - last) / (2.0 * u_most), 0.0) / root
-    return np.asarray(sloping + flat)

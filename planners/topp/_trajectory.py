@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from armtempo.arrays import Floats, Ints, all_finite
 from armtempo.errors import InfeasibleError, InputError, PathError
-from armtempo.planners.geometry import floats
-from armtempo.planners.topp._duration_bound import DurationBound, duration_bound
+from armtempo.planners.geometry import DurationBound, floats
+from armtempo.planners.topp._duration_bound import duration_bound
 from armtempo.planners.topp._path_dynamics import PathDynamics, moving
 from armtempo.robots import njit
 

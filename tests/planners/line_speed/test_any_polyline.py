@@ -84,6 +84,7 @@ def test_limits_hold_and_no_cubic_is_slower_than_stopping(seed: int) -> None:
     profile = limit_aware_profile(path, limits)
     assert worst_ratio(path, profile, limits) <= 1.0 + 1e-6
     assert profile.certificate.ratio_max <= 1.0 + 1e-6
+    assert 0.0 < profile.bound.seconds <= profile.duration
     if curve == "cubic":  # others bend so much between straight ends that to stop in the corner can be quicker
         assert profile.duration <= stopping(points, limits) * (1.0 + 3e-3)
 
