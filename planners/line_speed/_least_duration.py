@@ -9,9 +9,12 @@ is asked at *some* places allows more than what is asked at all: so with caps ``
 holds between the samples, too, whatever the path does there, and no motion is shorter than the integral of
 ``ds / sqrt(x)`` of the right side.
 
-Of the jerk the bound knows what leaving a rest costs, or coming to one, on a straight piece, where the jerk along the
-path is all there is. There v >= 0 and ``|v''| <= j``, so ``v'^2 <= 2 j v`` (else v would have been below 0 shortly
-before), which integrates to ``x <= (9/2 j s^2)^(2/3)``, s from the rest.
+Of the jerk the bound knows what it costs beside a rest. The acceleration vector is 0 there, and its size at most
+``j t`` a time t later or sooner: so the speed grows no faster than ``min(j t, a_max)``, and to be s away takes at
+least the time ``r(s)`` of that ramp, on any path. With ``theta(s)`` the integral above, a run between two rests, L
+apart, takes at least
+
+    max over s1 <= s2 of  r(s1) + theta(s2) - theta(s1) + r(L - s2).
 """
 
 from __future__ import annotations
@@ -25,8 +28,8 @@ from armtempo.arrays import Floats
 from armtempo.planners.geometry import least_times
 from armtempo.planners.line_speed._path_samples import path_marks, path_rests, path_samples
 
-NEAR_REST = np.geomspace(1e-4, 1.0, 200)[:-1]  # shares of a straight piece beside a rest: more samples
 RISE_MAX, PARTS_MAX = 0.002, 500  # of a cap from sample to sample, as a share; of an interval
+NEAR_REST = np.geomspace(1e-4, 0.5, 200)  # shares of a run: more samples
 ROUNDING = 1e-9  # of the bound
 
 
@@ -34,33 +37,39 @@ def least_duration(path: Any, speed: float, acceleration: float, normal: float, 
     """No motion from rest to rest along ``path`` within these limits (as of ``LineSpeedLimits``) is shorter [s]."""
     marks, rests = path_marks(path, 0.0, path.length), path_rests(path)
     samples, bend = _closer(path, *path_samples(path, marks), speed, acceleration, normal)
-    straight = [
-        (start, end, rest)
-        for start, end in pairwise(marks.tolist())
-        # a line, an arc or a polynomial bends nowhere, or nearly everywhere
-        if not bend[(samples > start) & (samples < end)].any()
-        for rest in (start, end)
-        if (rests == rest).any()
-    ]
-    near = [rest + (start + end - 2.0 * rest) * NEAR_REST for start, end, rest in straight]
-    s = np.unique(np.concatenate([marks, samples, *near]))
+    runs = np.diff(rests)[:, None] * NEAR_REST
+    s = np.unique(np.concatenate([marks, samples, (rests[:-1, None] + runs).ravel(), (rests[1:, None] - runs).ravel()]))
     cap, way = np.full(len(s), speed**2), np.diff(s)
     at = np.searchsorted(s, samples)
     cap[at] = np.minimum(cap[at], normal / np.maximum(bend, 1e-300))
-    cap[np.searchsorted(s, rests)] = 0.0
-    least = np.zeros_like(way)  # of the time by the jerk beside rests: that bound of x is convex, so below its chords
-    for start, end, rest in straight:
-        part = slice(np.searchsorted(s, start), np.searchsorted(s, end) + 1)
-        most = np.cbrt(4.5 * jerk * (s[part] - rest) ** 2) ** 2
-        cap[part] = np.minimum(cap[part], most)
-        inside = slice(part.start, part.stop - 1)
-        least[inside] = np.maximum(least[inside], 2.0 * way[inside] / (np.sqrt(most[1:]) + np.sqrt(most[:-1])))
+    rest = np.searchsorted(s, rests)
+    cap[rest] = 0.0
     for sense in (1, -1):  # c_i + 2 a |s - s_i|, the least over all i on one side
         line = sense * 2.0 * acceleration * s[::sense]
         cap[::sense] = np.maximum(np.minimum.accumulate(cap[::sense] - line) + line, 0.0)
     peak = np.minimum(0.5 * (cap[1:] + cap[:-1]) + acceleration * way, speed**2)
     times = least_times(way, cap[:-1], cap[1:], peak, np.full_like(way, acceleration))
-    return float(np.maximum(times, least).sum()) * (1.0 - ROUNDING)
+    theta, total = np.append(0.0, np.cumsum(times)), 0.0
+    for first, last in pairwise(rest):
+        run = slice(first, last + 1)
+        own = theta[run] - theta[first]
+        leaving, coming = (
+            _ramp_time(away, speed, acceleration, jerk) for away in (s[run] - s[first], s[last] - s[run])
+        )
+        total += float((np.maximum.accumulate(leaving - own) + own + coming).max())
+    return total * (1.0 - ROUNDING)
+
+
+def _ramp_time(away: Floats, speed: float, acceleration: float, jerk: float) -> Floats:
+    """(K,) least times to be so far away [m] from a rest: at the jerk, at the acceleration, at the speed."""
+    t_jerk = min(acceleration / jerk, np.sqrt(2.0 * speed / jerk))
+    v, s = 0.5 * jerk * t_jerk**2, jerk * t_jerk**3 / 6.0
+    t_ramp = max(speed - v, 0.0) / acceleration
+    s_ramp = s + (v + 0.5 * acceleration * t_ramp) * t_ramp
+    beyond = np.maximum(away - s, 0.0)
+    rising = t_jerk + (np.sqrt(v * v + 2.0 * acceleration * beyond) - v) / acceleration
+    time = np.where(away <= s, np.cbrt(6.0 * away / jerk), rising)
+    return np.asarray(np.where(away <= s_ramp, time, t_jerk + t_ramp + (away - s_ramp) / speed))
 
 
 def _closer(

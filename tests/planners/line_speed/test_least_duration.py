@@ -25,7 +25,7 @@ def test_a_line_takes_no_less_however_far_apart_the_limits_are(
     limits = LineSpeedLimits(speed=10**speed, acceleration=10**accel, jerk=10**jerk)
     fastest = LineSpeedProfile.plan(10**size, limits)
     bound = least_duration(line(10**size), limits.speed, limits.acceleration, limits.acceleration, limits.jerk)
-    assert 0.6 * fastest.duration <= bound <= fastest.duration  # the jerk at the top of a ramp is left out
+    assert 0.9 * fastest.duration <= bound <= fastest.duration  # (3/4)^(1/3): only the jerk beside the rests
     assert fastest.duration * (1.0 - 2e-9) <= fastest.bound.seconds <= fastest.duration
     assert fastest.bound.proven
 
@@ -40,7 +40,8 @@ def test_a_circle_at_its_steady_speed() -> None:
     circle = Arc(np.array([1.0, 0.0, 0.0]), np.array([-1.0, 1e-3, 0.0]) / np.hypot(1.0, 1e-3), np.zeros(3))
     steady = 0.3**0.5
     bound = least_duration(circle, 1.0, 5.0, 0.3, 200.0)
-    assert bound == pytest.approx(circle.length / steady + steady / 5.0, rel=1e-3)
+    ramps = LineSpeedProfile.plan(circle.length, LineSpeedLimits(speed=steady, acceleration=5.0, jerk=200.0)).duration
+    assert 0.998 * ramps <= bound <= ramps * (1.0 + 1e-9)
 
 
 def test_a_jump_of_curvature_is_a_stop() -> None:
@@ -60,11 +61,11 @@ def test_no_profile_is_below_its_bound_nor_far_above(seed: int) -> None:
     assert profile.bound.proven
     assert profile.bound.seconds <= profile.duration
     if limits.jerk > 1000.0:  # the jerk in bends is left out
-        assert profile.duration <= 1.1 * profile.bound.seconds
+        assert profile.duration <= 1.05 * profile.bound.seconds
 
 
 def test_the_bundled_cell() -> None:
     cell = as_cell("lee2006", BlendCell)
     assert cell.line_speed.duration == pytest.approx(cell.line_speed.bound.seconds, rel=2e-9)
     smooth = cell.variant(curve="quintic").limit_aware
-    assert smooth.bound.seconds <= smooth.duration <= 1.014 * smooth.bound.seconds
+    assert smooth.bound.seconds <= smooth.duration <= 1.002 * smooth.bound.seconds
