@@ -1,4 +1,4 @@
-"""Points, poses and paths in space: lines, arcs, targets over time, waypoint files."""
+"""Points, poses and paths in space: lines, arcs, targets over time, waypoint files; least times of ways."""
 
 from __future__ import annotations
 

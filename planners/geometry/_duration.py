@@ -24,14 +24,14 @@ class DurationBound:
 
 
 def least_times(way: Floats, first: Floats, last: Floats, peak: Floats, slope: Floats) -> Floats:
-    """(N,) times of intervals of length ``way`` (N,), where x, the square of the speed, is not above some bounds.
+    """(N,) least times [s] of intervals from upper bounds of x, the square of the speed along them; all (N,).
 
     Args:
-        way: Lengths.
-        first: Bounds of x where they begin; not above ``peak``.
+        way: Their lengths [m, or the path's own unit].
+        first: Bounds of x where they begin [unit^2/s^2], not above ``peak``.
         last: Likewise where they end.
-        peak: Bounds of x between them.
-        slope: Of the half of ``|x'|``: accelerations.
+        peak: Bounds of x between their ends.
+        slope: Of ``|x'| / 2``, the acceleration [unit/s^2].
     """
     root = np.sqrt(np.maximum(peak, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):

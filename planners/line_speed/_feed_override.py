@@ -18,7 +18,8 @@ from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.blends import Blend, BlendedPath
 from armtempo.planners.blends.kernels import PackedPath, blended_point
 from armtempo.planners.geometry import Arc, CartesianPath, Line
-from armtempo.planners.line_speed._profile import LineSpeedLimits, LineSpeedProfile, profile_state
+from armtempo.planners.line_speed._limits import LineSpeedLimits
+from armtempo.planners.line_speed._profile import LineSpeedProfile, profile_state
 from armtempo.robots import njit
 from armtempo.state import Stateful
 

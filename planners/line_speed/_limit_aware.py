@@ -28,10 +28,10 @@ import numpy as np
 
 from armtempo.arrays import Floats, Ints
 from armtempo.errors import InfeasibleError, InputError
+from armtempo.planners.line_speed._limits import LineSpeedLimits, square_caps
 from armtempo.planners.line_speed._path_samples import path_rests
 from armtempo.planners.line_speed._profile import (
     ROUNDING,
-    LineSpeedLimits,
     LineSpeedProfile,
     on_own_side,
     path_quantities,
@@ -39,7 +39,7 @@ from armtempo.planners.line_speed._profile import (
     profile_states,
     shares,
 )
-from armtempo.planners.line_speed._speed_guess import guessed_squares, square_caps
+from armtempo.planners.line_speed._speed_guess import guessed_squares
 from armtempo.planners.line_speed._stations import stations
 
 ROUNDS_MAX = 12
@@ -76,7 +76,7 @@ def limit_aware_profile(path: Any, limits: LineSpeedLimits) -> LineSpeedProfile:
         raise InputError(f"limits are a {type(limits).__name__}", remedy="give LineSpeedLimits")
     if not (hasattr(path, "length") and hasattr(path, "derivatives")):
         raise InputError(f"a {type(path).__name__} is no path", remedy="give a BlendedPath, or one segment")
-    stops = path_rests(path)
+    stops = path_rests(path, path.length)
     knots, rows, now = [np.zeros(1)], [], 0.0
     for start, end in pairwise(stops):
         times, coefficients = _between_stops(path, limits, float(start), float(end))
@@ -176,7 +176,7 @@ class _Program:
         steps = np.diff(stations)
         s = stations[:-1, None] + LIMIT_POINTS * steps[:, None]
         _, d1, d2, d3 = path.derivatives(s)
-        cap = square_caps(limits, d2)
+        cap = square_caps(limits, np.linalg.norm(d2, axis=-1))
         guess = guessed_squares(path, limits, s, stations[[0, -1]])
         at_knots = np.concatenate([[1.0], guess[1:, 0], [1.0]])
         near = np.minimum(np.append(steps, np.inf), np.append(np.inf, steps))

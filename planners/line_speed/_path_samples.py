@@ -23,10 +23,10 @@ def path_marks(path: Any, start: float, end: float) -> Floats:
     return np.concatenate([[start], joints[(joints > start) & (joints < end)], [end]])
 
 
-def path_rests(path: Any) -> Floats:
-    """Where a motion with a limit of jerk must rest [m]: both ends, and breakpoints with a jump of curvature."""
+def path_rests(path: Any, end: float) -> Floats:
+    """Where a motion with a limit of jerk must rest [m]: 0 and ``end``, and where the curvature jumps between them."""
     if not hasattr(path, "breakpoints"):  # one segment
-        return np.array([0.0, path.length])
+        return np.array([0.0, end])
     inner = np.asarray(path.breakpoints, dtype=np.float64)[1:-1]
     if hasattr(path, "continuity"):
         jumps = np.asarray(path.continuity) < 2
@@ -34,7 +34,8 @@ def path_rests(path: Any) -> Floats:
         before, after = (path.derivatives(inner, before=side)[2] for side in (True, False))
         size = np.maximum(np.linalg.norm(before, axis=-1), np.linalg.norm(after, axis=-1))
         jumps = np.linalg.norm(after - before, axis=-1) > 1e-9 * np.maximum(size, 1.0 / path.length)
-    return np.concatenate([[0.0], inner[jumps], [path.length]])
+    jumps &= inner < end
+    return np.concatenate([[0.0], inner[jumps], [end]])
 
 
 def path_samples(path: Any, marks: Floats) -> tuple[Floats, Floats]:

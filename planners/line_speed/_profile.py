@@ -15,6 +15,7 @@ from armtempo.arrays import Floats
 from armtempo.errors import InfeasibleError, InputError, brief
 from armtempo.planners.geometry import DurationBound, number
 from armtempo.planners.line_speed._least_duration import least_duration
+from armtempo.planners.line_speed._limits import LineSpeedLimits
 from armtempo.planners.line_speed._path_samples import path_marks, path_samples
 from armtempo.robots import njit
 
@@ -40,41 +41,6 @@ class SmoothPath(Protocol):
     def derivatives(self, s: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
         """``p, p', p'', p'''`` at arc length ``s``: each (..., 3)."""
         ...
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LineSpeedLimits:
-    """Limits of the motion along a path.
-
-    Args:
-        speed: Largest line speed [m/s].
-        acceleration: Largest tangential acceleration [m/s^2].
-        jerk: Largest jerk [m/s^3]: tangential, or of the whole vector where a path is known.
-        normal_acceleration: Largest normal acceleration [m/s^2]; that of ``acceleration`` unless given.
-
-    Raises:
-        InputError: A limit that is not a positive finite number.
-    """
-
-    speed: float
-    acceleration: float
-    jerk: float
-    normal_acceleration: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.normal_acceleration is None:
-            object.__setattr__(self, "normal_acceleration", self.acceleration)
-        for name in self.__slots__:
-            value = getattr(self, name)
-            real = isinstance(value, int | float | np.number)
-            if not (real and 0.0 < number(value, f"limit {name}") < math.inf):
-                raise InputError(f"limit {name} must be a positive finite number, got {brief(value)}")
-            object.__setattr__(self, name, float(value))
-
-    @property
-    def normal(self) -> float:
-        """The limit of the normal acceleration as a plain number [m/s^2]."""
-        return self.acceleration if self.normal_acceleration is None else self.normal_acceleration
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -248,12 +214,17 @@ class LineSpeedProfile:
 
     @cached_property
     def bound(self) -> DurationBound:
-        """Proven lower bound of the duration of any profile over its length, along its path, inside its limits."""
-        limits = self.limits
+        """Proven lower bound of the duration of any profile over its length inside its limits.
+
+        Along a path, if it has one: with rests where the curvature jumps, as a limit of jerk asks for.
+
+        Raises:
+            InfeasibleError: As of ``plan``, for a profile without a path.
+        """
         if self.path is None:  # the fastest has a closed form
-            return DurationBound(seconds=self.plan(self.length, limits).duration * (1.0 - BOUND_ROUNDING), proven=True)
-        seconds = least_duration(self.path, limits.speed, limits.acceleration, limits.normal, limits.jerk)
-        return DurationBound(seconds=seconds, proven=True)
+            fastest = self.plan(self.length, self.limits).duration
+            return DurationBound(seconds=fastest * (1.0 - BOUND_ROUNDING), proven=True)
+        return DurationBound(seconds=least_duration(self.path, self.length, self.limits), proven=True)
 
     def at(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats]:
         """Length [m], speed, acceleration and jerk at times ``t`` [s] (any shape), clipped to [0, duration]."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armtempo.arrays import Floats
-from armtempo.planners.line_speed._profile import LineSpeedLimits
+from armtempo.planners.line_speed._limits import LineSpeedLimits, square_caps
 from armtempo.robots import njit
 
 NEWTON_STEPS = 5
@@ -49,17 +49,11 @@ def guessed_speeds(s: Floats, cap: Floats, acceleration: float, jerk: float, out
         out[i] = min(out[i], back[len(s) - 1 - i])
 
 
-def square_caps(limits: LineSpeedLimits, curvature: Floats) -> Floats:
-    """The largest v^2 by speed and normal acceleration, at curvature vectors (..., 3)."""
-    bend = np.linalg.norm(curvature, axis=-1)
-    return np.asarray(np.minimum(limits.speed**2, limits.normal / np.maximum(bend, 1e-300)))
-
-
 def guessed_squares(path: Any, limits: LineSpeedLimits, s: Floats, ends: Floats) -> Floats:
     """v^2 at lengths ``s`` between rests at ``ends`` (2,), shaped as ``s``, which rises."""
     _, _, d2, d3 = path.derivatives(s)
     by_jerk = np.cbrt(limits.jerk / np.maximum(np.linalg.norm(d3, axis=-1), 1e-300))
-    cap = np.minimum(np.sqrt(square_caps(limits, d2)), by_jerk)
+    cap = np.minimum(np.sqrt(square_caps(limits, np.linalg.norm(d2, axis=-1))), by_jerk)
     at = np.concatenate([ends[:1], s.ravel(), ends[1:]])
     speed = np.empty_like(at)
     guessed_speeds(at, np.pad(cap.ravel(), 1), limits.acceleration, limits.jerk, speed)

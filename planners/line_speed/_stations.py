@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from armtempo.arrays import Floats
+from armtempo.planners.line_speed._limits import LineSpeedLimits
 from armtempo.planners.line_speed._path_samples import CURVATURE_MIN, path_marks, path_samples
-from armtempo.planners.line_speed._profile import LineSpeedLimits
 from armtempo.planners.line_speed._speed_guess import guessed_squares
 
 INTERVALS_PER_BLEND, INTERVALS_PER_RADIAN, INTERVALS_PER_RAMP, INTERVALS_PER_E_FOLD = 9, 6, 7, 2
